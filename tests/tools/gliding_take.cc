@@ -5,9 +5,12 @@
 
 #include "base/config/calib_file.h"
 #include "base/io/file.h"
+#include "codec/frame_codec.h"
 #include "codec/motion_codec.h"
 #include "recon/figures.h"
+#include "recon/pipeline/compact_frame.h"
 #include "support/temporary_folder.h"
+#include "take/logs/mesh_file.h"
 #include "take/take.h"
 #include "tools/test_images.h"
 
@@ -39,6 +42,46 @@ void write_gliding_motion(const std::filesystem::path& file,
     bytes.append(encoded->bytes.begin(), encoded->bytes.end());
   }
   write_text(file, bytes);
+}
+
+void write_still_meshes(const std::filesystem::path& take, const Mesh& surface,
+                        const std::vector<uint8_t>& labels, int empty) {
+  const VertexLattice lattice{{-2, -2, -1}, 1.0 / 1024};
+  std::vector<uint32_t> number(surface.vertices.size(), UINT32_MAX);
+  Mesh ordered;  // vertices in the order in which triangles use them
+  std::vector<uint8_t> ordered_labels;
+  std::vector<codec::VertexTriangle> triangles;
+  for (const auto& corners : surface.triangles) {
+    auto& triangle = triangles.emplace_back();
+    for (size_t k = 0; k < 3; ++k) {
+      uint32_t& v = number[corners[k]];
+      if (v == UINT32_MAX) {
+        v = static_cast<uint32_t>(ordered.vertices.size());
+        ordered.vertices.push_back(rounded_to(lattice, surface.vertices[corners[k]]));
+        if (!surface.colours.empty()) ordered.colours.push_back(surface.colours[corners[k]]);
+        if (!labels.empty()) ordered_labels.push_back(labels[corners[k]]);
+      }
+      triangle[k] = v;
+    }
+  }
+  const auto positions = recon::vertex_positions(ordered.vertices);
+  const auto colours = recon::vertex_colours(ordered.colours);
+  std::filesystem::remove(take::TakePaths{take}.mesh());
+  take::MeshFileWriter file(take::TakePaths{take}.mesh());
+  for (int pulse = 0; pulse < kGlidingPulses; ++pulse) {
+    codec::FrameContent content;
+    content.metadata.pulse = pulse;
+    content.metadata.origin = {-2, -2, -1};
+    content.metadata.step = lattice.step;
+    if (pulse < kGlidingPulses - empty) {
+      content.positions = positions;
+      content.triangles = triangles;
+      content.colours = colours;
+      content.labels = ordered_labels;
+    }
+    io::throw_if_failed(file.append(pulse, codec::FrameEncoder({}).encode(content).value()));
+  }
+  io::throw_if_failed(file.close());
 }
 
 void write_gliding_take(const std::filesystem::path& take, double rate_hz) {

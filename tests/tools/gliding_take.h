@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <vector>
 
+#include "base/geometry/mesh.h"
+
 namespace v3d::test {
 
 /// Pulses of a gliding take.
@@ -19,5 +21,11 @@ void write_gliding_motion(const std::filesystem::path& file, int first, int last
 /// The same with the pulses of each segment.
 void write_gliding_motion(const std::filesystem::path& file,
                           const std::vector<std::vector<int64_t>>& segments);
+
+/// Writes mesh.v3d, beside or instead of the motion file, with this surface at all pulses of a
+/// gliding take; the last `empty` ones are empty. `labels`: the performer of each vertex, or none.
+/// Every vertex must have a triangle.
+void write_still_meshes(const std::filesystem::path& take, const Mesh& surface,
+                        const std::vector<uint8_t>& labels, int empty = 0);
 
 }  // namespace v3d::test

@@ -3,14 +3,19 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "base/core/error.h"
 #include "base/image/image_files.h"
 #include "base/io/file.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
+#include "tools/gliding_take.h"
 #include "tools/test_images.h"
 #include "v3dctl/export/mesh_export.h"
 #include "v3dctl/scene/scene_file.h"
@@ -144,6 +149,41 @@ TEST_F(ScenePictures, show_models_at_their_positions) {
   const Image aside = picture_of(R"({"models": [{"model": "cube.glb", "move": [-0.7, 0, 0]}]})");
   EXPECT_EQ(pixel(aside, 32, 24), (Rgb8{16, 18, 22}));
   EXPECT_EQ(pixel(aside, 4, 24), (Rgb8{200, 20, 20}));
+}
+
+/// A take of a red cube at the left, which is performer 1, and a blue one, performer 2.
+void write_two_cubes(const std::filesystem::path& take) {
+  const Mesh cube = red_cube();
+  Mesh both;
+  std::vector<uint8_t> labels;
+  for (const float x : {-0.7F, 0.7F}) {
+    const auto first = static_cast<uint32_t>(both.vertices.size());
+    for (const Eigen::Vector3f& vertex : cube.vertices) {
+      both.vertices.emplace_back(vertex + Eigen::Vector3f(x, 0, 0));
+      both.colours.push_back(x < 0 ? Rgb8{200, 20, 20} : Rgb8{20, 20, 200});
+      labels.push_back(x < 0 ? uint8_t{1} : uint8_t{2});
+    }
+    for (const auto& [a, b, c] : cube.triangles) {
+      both.triangles.push_back({first + a, first + b, first + c});
+    }
+  }
+  test::write_gliding_take(take);
+  test::write_still_meshes(take, both, labels);
+}
+
+TEST_F(ScenePictures, show_one_performer_of_a_take) {
+  write_two_cubes(folder_ / "take");
+  const auto cubes = [&](const std::string& performer) {
+    const Image image = picture_of((R"({"models": [], "background": {"colour": "#000000"},
+        "takes": [{"take": "take")" +
+                                    performer + "}]}")
+                                       .c_str());
+    // The columns of the left and of the right cube.
+    return std::pair(pixel(image, 9, 24).r > 150, pixel(image, 54, 24).b > 150);
+  };
+  EXPECT_EQ(cubes(""), std::pair(true, true));
+  EXPECT_EQ(cubes(R"(, "performer": 1)"), std::pair(true, false));
+  EXPECT_EQ(cubes(R"(, "performer": 2)"), std::pair(false, true));
 }
 
 TEST_F(ScenePictures, have_a_panorama_as_background) {

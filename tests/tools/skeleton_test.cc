@@ -16,15 +16,12 @@
 
 #include "base/core/error.h"
 #include "base/io/file.h"
-#include "codec/frame_codec.h"
 #include "codec/motion_codec.h"
 #include "common/console.h"
 #include "recon/figures.h"
-#include "recon/pipeline/compact_frame.h"
 #include "recon/skeleton/joint_rotations.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
-#include "take/logs/mesh_file.h"
 #include "tools/gliding_take.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/skeleton/skeleton_truth.h"
@@ -195,45 +192,15 @@ TEST_F(LearntSkeleton, is_not_that_of_another_performer_where_the_take_states_no
 
 /// Writes mesh.v3d of a person who stands still. All vertices are of performer 1, but for the last
 /// one.
-void write_meshes(const take::TakePaths& take, const std::vector<recon::figures::Capsule>& body,
-                  uint8_t of_last) {
-  const VertexLattice lattice{{-2, -2, -1}, 1.0 / 1024};
+void write_meshes(const std::filesystem::path& take,
+                  const std::vector<recon::figures::Capsule>& body, uint8_t of_last) {
   const Mesh person = recon::figures::surface(body, 0.025);
-  std::vector<uint32_t> number(person.vertices.size(), UINT32_MAX);
-  std::vector<Eigen::Vector3f> vertices;  // in the order in which triangles use them
-  codec::FrameContent content;
-  std::vector<codec::VertexTriangle> triangles;
-  for (const auto& corners : person.triangles) {
-    auto& triangle = triangles.emplace_back();
-    for (size_t k = 0; k < 3; ++k) {
-      uint32_t& v = number[corners[k]];
-      if (v == UINT32_MAX) {
-        v = static_cast<uint32_t>(vertices.size());
-        vertices.push_back(rounded_to(lattice, person.vertices[corners[k]]));
-      }
-      triangle[k] = v;
-    }
-  }
-  std::vector<uint8_t> labels(vertices.size(), 1);
+  std::vector<uint8_t> labels(person.vertices.size(), 1);
   labels.back() = of_last;
-  const auto positions = recon::vertex_positions(vertices);
-  content.positions = positions;
-  content.triangles = triangles;
-  content.labels = labels;
-  std::filesystem::remove(take.mesh());
-  take::MeshFileWriter file(take.mesh());
-  for (int pulse = 0; pulse < test::kGlidingPulses; ++pulse) {
-    content.metadata.pulse = pulse;
-    content.metadata.origin = {-2, -2, -1};
-    content.metadata.step = lattice.step;
-    const auto encoded = codec::FrameEncoder({}).encode(content);
-    ASSERT_TRUE(encoded);
-    EXPECT_TRUE(file.append(pulse, *encoded));
-  }
-  EXPECT_TRUE(file.close());
+  test::write_still_meshes(take, person, labels);
 }
 
-void write_labelled_meshes(const take::TakePaths& take, uint8_t of_last) {
+void write_labelled_meshes(const std::filesystem::path& take, uint8_t of_last) {
   write_meshes(take, recon::figures::person(70, 50), of_last);
 }
 
@@ -255,12 +222,12 @@ TEST(SkeletonDoubts, are_stated_where_no_pulse_shows_the_ends_of_a_body_or_it_is
 }
 
 TEST_F(LearntSkeleton, uses_the_tracked_surface_of_a_labelled_take_with_one_performer) {
-  write_labelled_meshes({folder_ / "take"}, 1);
+  write_labelled_meshes(folder_ / "take", 1);
   EXPECT_EQ(learn(1).tracked.size(), 1U);
-  write_labelled_meshes({folder_ / "take"}, 0);
+  write_labelled_meshes(folder_ / "take", 0);
   EXPECT_EQ(learn(1).tracked.size(), 1U) << "label 0: the performer is unknown";
 
-  write_labelled_meshes({folder_ / "take"}, 2);
+  write_labelled_meshes(folder_ / "take", 2);
   const TakeSkeleton of_two = learn(1);
   EXPECT_THAT(of_two.tracked, testing::IsEmpty());
   EXPECT_EQ(test::message_of<InputError>([&] { skeleton_glb(of_two, "take"); }),
@@ -323,7 +290,7 @@ TEST_F(SkeletonCommand, is_incomplete_when_no_pulse_shows_head_feet_and_hands) {
   // The arms are the first two of the five capsules of each side, after the four of the trunk.
   body.erase(body.begin() + 9, body.begin() + 11);
   body.erase(body.begin() + 4, body.begin() + 6);
-  write_meshes({folder_ / "take"}, body, 1);
+  write_meshes(folder_ / "take", body, 1);
   std::filesystem::remove(take::TakePaths{folder_ / "take"}.motion());
   testing::internal::CaptureStdout();
   EXPECT_EQ(run({path("take")}), kExitIncomplete);
@@ -336,6 +303,37 @@ TEST_F(SkeletonCommand, replaces_the_file_after_an_export) {
   EXPECT_EQ(run({path("take"), "--export", "bvh", path("take.bvh")}), kExitDone);
   EXPECT_THAT(read_file(path("take.bvh")), HasSubstr("ROOT pelvis"));
   EXPECT_THAT(read_file(file_), HasSubstr("v3d-skeleton"));
+}
+
+TEST_F(SkeletonCommand, lists_the_similar_poses_of_another_take) {
+  test::write_gliding_take(folder_ / "other", 50);
+  test::write_gliding_motion(take::TakePaths{folder_ / "other"}.motion(),
+                             {{0, 1, 2}, {20, 21, 22}, {100, 101, 102}});
+  testing::internal::CaptureStdout();
+  EXPECT_EQ(run({path("take"), "--like", "3", "--in", path("other"), "--json"}), kExitDone);
+  const auto json = nlohmann::json::parse(testing::internal::GetCapturedStdout());
+  EXPECT_EQ(json.at("like"), 3);
+  std::vector<int64_t> groups;
+  for (const auto& pose : json.at("similar")) {
+    groups.push_back(pose.at("pulse").get<int64_t>() / 50);
+  }
+  // Pulses 0 and 20 are less than half a second of the other take apart. Pulses near 3 are not left
+  // out: that is a pulse of the first take.
+  EXPECT_THAT(groups, testing::UnorderedElementsAre(0, 2));
+  EXPECT_EQ(read_file(file_), "earlier");
+}
+
+TEST_F(SkeletonCommand, has_skeletons_up_to_the_pulse_at_which_the_studio_is_empty) {
+  test::write_still_meshes(folder_ / "take",
+                           recon::figures::surface(recon::figures::person(70, 50), 0.025), {}, 2);
+  std::filesystem::remove(take::TakePaths{folder_ / "take"}.motion());
+  testing::internal::CaptureStdout();
+  EXPECT_EQ(run({path("take")}), kExitIncomplete);
+  EXPECT_THAT(testing::internal::GetCapturedStdout(),
+              HasSubstr("2 pulses without a body: the mesh is empty"));
+  const auto pulses = nlohmann::json::parse(read_file(file_)).at("pulses");
+  ASSERT_EQ(pulses.size(), size_t{test::kGlidingPulses} - 2);
+  EXPECT_EQ(pulses.back().at("pulse"), test::kGlidingPulses - 3);
 }
 
 class SimilarPoses : public testing::Test {
