@@ -308,26 +308,31 @@ class EditCommand : public testing::Test {
 
 TEST_F(EditCommand, writes_a_copy_of_the_operations_whose_paths_lead_from_its_folder) {
   test::write_gliding_take(folder_ / "takes/rehearsal");
-  put(R"({"do": "cut", "frames": [0, 5]}, {"do": "splice", "take": "../takes/rehearsal", "blend": 2})");
+  put(R"({"do": "cut", "frames": [0, 5]}, {"do": "splice", "take": "../takes/rehearsal", "blend": 2},
+         {"do": "swap", "take": "../takes/rehearsal", "frame": 1})");
   ASSERT_EQ(run(), kExitDone);
   const std::vector<Edit> copy = load_edits(out_ / "edit.json");
-  ASSERT_EQ(copy.size(), 2U);
+  ASSERT_EQ(copy.size(), 3U);
+  EXPECT_EQ(std::get<SwapEdit>(copy[2].operation).take, folder_ / "takes/rehearsal");
   EXPECT_EQ(std::get<CutEdit>(copy[0].operation).frames.end, 5);
   const auto& splice = std::get<SpliceEdit>(copy[1].operation);
   EXPECT_EQ(splice.blend, 2);
   EXPECT_EQ(splice.take, folder_ / "takes/rehearsal");
 }
 
-TEST_F(EditCommand, does_not_replace_a_take_that_it_splices) {
+TEST_F(EditCommand, does_not_replace_a_take_that_it_reads) {
   put(R"({"do": "cut", "frames": [0, 5]})");
   ASSERT_EQ(run(), kExitDone);
   const std::string before = read_file(out_ / "motion.v3d");
-  put(R"({"do": "mirror"}, {"do": "splice", "take": "../takes/dancer.turn", "blend": 2})");
-  testing::internal::CaptureStderr();
-  EXPECT_EQ(run(), kExitBadInput);
-  EXPECT_THAT(testing::internal::GetCapturedStderr(),
-              HasSubstr("operations[1].take: " + out_.string() + " is OUT itself"));
-  EXPECT_EQ(read_file(out_ / "motion.v3d"), before);
+  for (const char* other : {R"({"do": "splice", "take": "../takes/dancer.turn", "blend": 2})",
+                            R"({"do": "swap", "take": "../takes/dancer.turn"})"}) {
+    put(R"({"do": "mirror"}, )" + std::string(other));
+    testing::internal::CaptureStderr();
+    EXPECT_EQ(run(), kExitBadInput);
+    EXPECT_THAT(testing::internal::GetCapturedStderr(),
+                HasSubstr("operations[1].take: " + out_.string() + " is OUT itself"));
+    EXPECT_EQ(read_file(out_ / "motion.v3d"), before);
+  }
 }
 
 TEST_F(EditCommand, states_no_relative_jump_where_the_surface_stands_still_around_a_splice) {

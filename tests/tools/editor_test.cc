@@ -133,6 +133,34 @@ TEST_F(EditorTest, keeps_the_prop_of_one_action_in_the_hand_when_it_splices_two)
   }
 }
 
+TEST_F(EditorTest, shows_another_performer_with_its_prop_in_the_action) {
+  edited_ = read(folder_ / "take");
+  const recon::SkeletonPulse before = edited_.clip.frames[4].skeleton;
+  Editor editor(edited_, [&](const fs::path&) {
+    TakeClip other = read(folder_ / "take");
+    add_prop(other);
+    return other;
+  });
+  editor.apply(
+      Edit{"edit.json: operations[0]", SwapEdit{.take = folder_ / "other", .frame = 2}});
+  EXPECT_EQ(edited_.clip.frames.size(), size_t{test::kGlidingPulses});
+  EXPECT_TRUE(edited_.has_prop);
+  EXPECT_NEAR(edited_.lengths.bones().back().metres, kPropM, 1e-9);
+  expect_prop_in_hand(edited_.clip);
+  const Eigen::Vector3d moved =
+      edited_.clip.frames[4].skeleton.joints[recon::kPelvis] - before.joints[recon::kPelvis];
+  EXPECT_LT(moved.norm(), 0.02) << "the other performer has equal legs";
+}
+
+TEST_F(EditorTest, names_the_frame_that_the_take_of_a_swap_does_not_have) {
+  edited_ = read(folder_ / "take");
+  test::write_gliding_take(folder_ / "other");
+  EXPECT_EQ(rejection({"edit.json: operations[0]",
+                       SwapEdit{.take = folder_ / "other", .frame = test::kGlidingPulses}}),
+            "edit.json: operations[0].frame: 6, but the action of " + (folder_ / "other").string() +
+                " has 6");
+}
+
 TEST_F(EditorTest, writes_the_left_hand_as_the_parent_of_the_prop_of_a_mirrored_action) {
   edited_ = read(folder_ / "take");
   add_prop(edited_);

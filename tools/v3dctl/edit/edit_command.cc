@@ -5,7 +5,6 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <variant>
 
 #include "base/core/error.h"
 #include "base/io/file.h"
@@ -97,9 +96,9 @@ void require_other_output(const fs::path& take, const std::vector<Edit>& edits,
     throw InputError(out.string() + ": is TAKE itself; choose another OUT");
   }
   for (const Edit& edit : edits) {
-    const auto* splice = std::get_if<SpliceEdit>(&edit.operation);
-    if (splice == nullptr || !fs::equivalent(splice->take, out, error)) continue;
-    throw InputError(edit.where + ".take: " + splice->take.string() +
+    const fs::path* other = take_of(edit);
+    if (other == nullptr || !fs::equivalent(*other, out, error)) continue;
+    throw InputError(edit.where + ".take: " + other->string() +
                      " is OUT itself; choose another OUT");
   }
 }

@@ -85,6 +85,13 @@ HoldFeetEdit read_hold_feet(const JsonField& field) {
   return hold;
 }
 
+SwapEdit read_swap(const JsonField& field) {
+  field.expect_object({"do", "take", "frame"});
+  SwapEdit swap{.take = field.at("take").path("edit")};
+  if (const auto frame = field.find("frame")) swap.frame = frame->integer(0, kMaxFrame);
+  return swap;
+}
+
 Edit read_edit(const JsonField& field, const std::string& where) {
   const std::string kind = field.at("do").text();
   if (kind == "cut") return {where, read_cut(field)};
@@ -93,7 +100,8 @@ Edit read_edit(const JsonField& field, const std::string& where) {
   if (kind == "bend") return {where, read_bend(field)};
   if (kind == "splice") return {where, read_splice(field)};
   if (kind == "hold_feet") return {where, read_hold_feet(field)};
-  field.at("do").fail("expected cut, stretch, mirror, bend, splice or hold_feet");
+  if (kind == "swap") return {where, read_swap(field)};
+  field.at("do").fail("expected cut, stretch, mirror, bend, splice, hold_feet or swap");
 }
 
 }  // namespace
@@ -121,18 +129,24 @@ std::vector<Edit> load_edits(const fs::path& file) {
   return parse_edits(io::value_or_throw(io::read_file(file, kMaxFileBytes)), file);
 }
 
+const fs::path* take_of(const Edit& edit) {
+  if (const auto* splice = std::get_if<SpliceEdit>(&edit.operation)) return &splice->take;
+  if (const auto* swap = std::get_if<SwapEdit>(&edit.operation)) return &swap->take;
+  return nullptr;
+}
+
 std::string edits_for_folder(const std::string& text, const fs::path& file,
                              const fs::path& folder) {
   const std::vector<Edit> edits = parse_edits(text, file);
   auto copy = nlohmann::ordered_json::parse(text);
-  bool has_splice = false;
+  bool has_take = false;
   for (size_t n = 0; n < edits.size(); ++n) {
-    const auto* splice = std::get_if<SpliceEdit>(&edits[n].operation);
-    if (splice == nullptr) continue;
-    has_splice = true;
-    copy["operations"][n]["take"] = fs::relative(splice->take, folder).string();
+    const fs::path* take = take_of(edits[n]);
+    if (take == nullptr) continue;
+    has_take = true;
+    copy["operations"][n]["take"] = fs::relative(*take, folder).string();
   }
-  return has_splice ? copy.dump(2) + "\n" : text;
+  return has_take ? copy.dump(2) + "\n" : text;
 }
 
 }  // namespace v3d::ctl

@@ -44,11 +44,19 @@ struct SpliceEdit {
 struct HoldFeetEdit {
   int64_t fade = 5;  ///< frames
 };
+struct SwapEdit {
+  std::filesystem::path take;
+  int64_t frame = 0;  ///< of the take, whose surface is shown
+};
 
 struct Edit {
   std::string where;  ///< "edit.json: operations[2]", for errors
-  std::variant<CutEdit, StretchEdit, MirrorEdit, BendEdit, SpliceEdit, HoldFeetEdit> operation;
+  std::variant<CutEdit, StretchEdit, MirrorEdit, BendEdit, SpliceEdit, HoldFeetEdit, SwapEdit>
+      operation;
 };
+
+/// The other take that an operation reads; null where it reads none.
+const std::filesystem::path* take_of(const Edit& edit);
 
 /// Throws InputError, with file, field and what would be right. Paths of takes are relative to the
 /// folder of the file.
@@ -56,7 +64,7 @@ std::vector<Edit> parse_edits(std::string_view text, const std::filesystem::path
 std::vector<Edit> load_edits(const std::filesystem::path& file);
 
 /// `text` of an edit file for a copy in `folder`: the paths of takes are relative to that. The
-/// other fields stay, and without a splice the whole text. Throws InputError as parse_edits().
+/// other fields stay, and without another take the whole text. Throws InputError as parse_edits().
 std::string edits_for_folder(const std::string& text, const std::filesystem::path& file,
                              const std::filesystem::path& folder);
 

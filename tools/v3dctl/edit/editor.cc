@@ -11,6 +11,7 @@
 #include "base/core/text.h"
 #include "common/console.h"
 #include "recon/editing/feet.h"
+#include "recon/editing/swap.h"
 
 namespace v3d::ctl {
 namespace {
@@ -130,6 +131,18 @@ void Editor::apply(const SpliceEdit& edit) {
   report.frame = static_cast<int64_t>(last);
   report.relative_jump = recon::relative_jump(clip_, last, kAround);
   splices_.push_back(report);
+}
+
+void Editor::apply(const SwapEdit& edit) {
+  const TakeClip other = read_(edit.take);
+  const auto frames = std::ssize(other.clip.frames);
+  if (edit.frame >= frames) {
+    throw InputError(where_ + ".frame: " + std::to_string(edit.frame) + ", but the action of " +
+                     edit.take.string() + " has " + format_count(frames));
+  }
+  recon::swap_performer(clip_, other.clip, static_cast<size_t>(edit.frame));
+  edited_.has_prop = other.has_prop;
+  edited_.lengths = other.lengths;
 }
 
 }  // namespace v3d::ctl

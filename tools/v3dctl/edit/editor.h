@@ -22,7 +22,7 @@ struct SpliceReport {
 /// Changes an action. One thread.
 class Editor {
  public:
-  /// Reads the take of a splice, as read_clip() does.
+  /// Reads the take of a splice or a swap, as read_clip() does.
   using ReadTake = std::function<TakeClip(const std::filesystem::path& take)>;
 
   /// `edited` is borrowed, and must have a frame.
@@ -50,6 +50,7 @@ class Editor {
   void apply(const BendEdit& edit);
   void apply(const HoldFeetEdit& edit);
   void apply(const SpliceEdit& edit);
+  void apply(const SwapEdit& edit);
 
   TakeClip& edited_;
   recon::Clip& clip_;
