@@ -44,7 +44,7 @@ std::string text_of(take::FrameRange range) {
 /// Whether all positions are finite and at most 1000 km from the origin along each axis, as in a
 /// motion file. The format of compact frames permits others; computations with them overflow.
 bool are_near_the_origin(const std::vector<Eigen::Vector3f>& positions) {
-  constexpr float kMaxMetres = 1e6F;
+  static constexpr float kMaxMetres = 1e6F;
   return std::ranges::all_of(positions, [](const Eigen::Vector3f& position) {
     return (position.array().abs() <= kMaxMetres).all();
   });
