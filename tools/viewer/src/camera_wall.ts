@@ -27,6 +27,8 @@ function isRim(mask: Uint8Array, at: number, width: number): boolean {
 
 export class CameraWall {
   private readonly cards = new Map<string, Card>();
+  /** Cameras of the last state; null before the first. */
+  private named: Set<string> | null = null;
   private masked = true;
 
   constructor(private readonly root: HTMLElement) {}
@@ -39,10 +41,12 @@ export class CameraWall {
     return this.masked;
   }
 
-  /** Updates all cards. Returns the numbers of cameras, and of those without a fault. */
+  /** Updates all cards, and removes those of other cameras, as after a change of the studio file. Returns the numbers of cameras, and of those without a fault. */
   setState(nodes: NodeState[]): { all: number; well: number } {
     const recon = nodes.find((node) => node.program === 'v3d-recond');
     let well = 0;
+    const named = (this.named = new Set(nodes.flatMap(({ cameras }) => cameras)));
+    for (const camera of [...this.cards.keys()]) if (!named.has(camera)) this.remove(camera);
     for (const node of nodes) {
       for (const camera of node.cameras) {
         const card = this.card(camera);
@@ -65,10 +69,18 @@ export class CameraWall {
     const jpeg = new Blob([bytes.slice(head.runs)], { type: 'image/jpeg' });
     const picture = await createImageBitmap(jpeg).catch(() => null);
     if (!picture) return;
+    if (this.named && !this.named.has(head.camera)) return picture.close();
     const card = this.card(head.camera);
     card.preview?.picture.close();
     card.preview = { head, picture, mask: maskOf(head, bytes.subarray(0, head.runs)) };
     this.draw(card);
+  }
+
+  private remove(camera: string): void {
+    const card = this.cards.get(camera)!;
+    this.cards.delete(camera);
+    card.root.remove();
+    card.preview?.picture.close();
   }
 
   private draw(card: Card): void {
