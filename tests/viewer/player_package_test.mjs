@@ -1,12 +1,15 @@
 // Test of the built package @v3d/player: its size, its parts, and its types for a program that uses it.
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
+import { once } from 'node:events';
 import { mkdirSync, mkdtempSync, readdirSync, readFileSync, rmSync, symlinkSync, writeFileSync } from 'node:fs';
+import { createServer, get } from 'node:http';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { test } from 'node:test';
 import { fileURLToPath } from 'node:url';
 import { gzipSync } from 'node:zlib';
+import { answerWithFile } from '../../tools/viewer/player/serve.mjs';
 
 const built = join(process.env.V3D_BUILD, 'player');
 const modules = fileURLToPath(new URL('../../tools/viewer/node_modules', import.meta.url));
@@ -20,6 +23,25 @@ test('has at most 60 kB of JavaScript besides three.js and the decoder', (contex
   for (const { name, bytes } of sizes) context.diagnostic(`${name}: ${bytes.length} bytes, gzip ${gzipSync(bytes).length}`);
   const sum = sizes.reduce((all, { bytes }) => all + bytes.length, 0);
   assert.ok(sum > 10_000 && sum <= MAX_BYTES, `${sum} bytes`);
+});
+
+test('is tried by a server that survives invalid addresses', async () => {
+  const server = createServer((request, response) => answerWithFile(built, request, response));
+  server.listen(0, '127.0.0.1');
+  await once(server, 'listening');
+  const statusOf = (path) => new Promise((done, fail) => {
+    get({ port: server.address().port, host: '127.0.0.1', path }, (response) => {
+      response.resume();
+      done(response.statusCode);
+    }).on('error', fail);
+  });
+  try {
+    for (const path of ['//', '/%00', '/%ff']) assert.equal(await statusOf(path), 400, path);
+    assert.equal(await statusOf('/none.js'), 404);
+    assert.equal(await statusOf('/package.json'), 200);
+  } finally {
+    server.close();
+  }
 });
 
 test('leaves three.js to its user', () => {

@@ -10,14 +10,18 @@ const TYPES = {
   '.wasm': 'application/wasm', '.mp4': 'video/mp4', '.glb': 'model/gltf-binary',
 };
 
-/** The file of a path; null: there is none. A folder means its index.html. */
-function fileOf(folder, path) {
-  let inside;
+/** The path in the address of a request; null: it is invalid. */
+function pathOf(url) {
   try {
-    inside = normalize(decodeURIComponent(path));
+    const path = normalize(decodeURIComponent(new URL(url, 'http://localhost').pathname));
+    return path.includes('\0') ? null : path;
   } catch {
-    return null; // invalid percent-encoding
+    return null; // no host, as in "//", or invalid percent-encoding
   }
+}
+
+/** The file of a path; null: there is none. A folder means its index.html. */
+function fileOf(folder, inside) {
   const file = join(folder, inside.endsWith('/') ? `${inside}index.html` : inside);
   const size = statSync(file, { throwIfNoEntry: false });
   return size?.isFile() ? { file, size: size.size } : null;
@@ -34,7 +38,9 @@ function rangeOf(header, size) {
 
 /** Answers a request for a file of the folder. */
 export function answerWithFile(folder, request, response) {
-  const found = fileOf(folder, new URL(request.url, 'http://localhost').pathname);
+  const path = pathOf(request.url);
+  if (path === null) return response.writeHead(400).end();
+  const found = fileOf(folder, path);
   if (!found) return response.writeHead(404).end();
   const { file, size } = found;
   const headers = { 'Content-Type': TYPES[extname(file)] ?? 'application/octet-stream', 'Accept-Ranges': 'bytes', 'Cache-Control': 'no-cache' };
