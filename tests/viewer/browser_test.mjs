@@ -128,6 +128,26 @@ test('shows the proxy of a take until the full meshes are chosen', async () => {
   await middleBecomes(GREEN);
 });
 
+test('stays at the pulse when the other file of the take has other pulses', async () => {
+  const file = join(folder, 'takes/proxied/proxy.v3d');
+  const whole = readFileSync(file);
+  const index = Number(whole.readBigUInt64LE(whole.length - 24));
+  writeFileSync(file, whole.subarray(0, index - 10)); // without its index and its last frame
+  const isPlaying = () => page.evaluate(() => document.getElementById('transport').classList.contains('playing'));
+  await open('take=ball&pulse=12');
+  await open('take=proxied&pulse=12&mesh=proxy');
+  await showsPulse(12);
+  await middleBecomes([200, 200, 40]);
+  await page.keyboard.press('ArrowRight');
+  await page.keyboard.press('ArrowRight');
+  await showsPulse(14);
+  await page.keyboard.press('z');
+  await middleBecomes(GREEN);
+  await showsPulse(14);
+  assert.equal(await isPlaying(), false);
+  writeFileSync(file, whole);
+});
+
 test('reports a damaged proxy, and shows the full meshes without it', async () => {
   const file = join(folder, 'takes/proxied/proxy.v3d');
   const whole = readFileSync(file);

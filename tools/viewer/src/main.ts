@@ -50,7 +50,7 @@ class Viewer {
   private readonly performers = new PerformerList(find('performers'), () => this.draw());
   private readonly motion: MotionPanel;
   private readonly skeleton: SkeletonPanel;
-  private readonly proxy = new ProxyChoice(find('proxy'), () => this.changeFile());
+  private readonly proxy = new ProxyChoice(find('proxy'), () => this.changeFile(this.playback?.pulse ?? this.startAt));
   private readonly errors = new ErrorTexts((text) => {
     find('trouble').textContent = text;
     find('trouble').hidden = text === '';
@@ -142,9 +142,9 @@ class Viewer {
   private goTo(pulse: number, mesh: string | null): void {
     const { file } = this.proxy;
     this.proxy.open(this.open!.take, mesh);
-    if (!Number.isNaN(pulse)) this.startAt = pulse; // if the file is not read yet
+    this.startAt = Number.isNaN(pulse) ? this.playback?.pulse ?? this.startAt : pulse; // if the file is not read yet
     this.transport.seek(pulse);
-    if (this.proxy.file !== file) this.changeFile();
+    if (this.proxy.file !== file) this.changeFile(this.startAt);
   }
 
   /** What cannot be listed stays as it was. */
@@ -187,10 +187,11 @@ class Viewer {
     this.send({ kind: 'take', take: this.opened, url: new URL(`takes/${name}/${this.proxy.file}`, location.href).href });
   }
 
-  /** Shows the other file of the open take at the same pulse. */
-  private changeFile(): void {
+  /** Shows the other file of the open take at a pulse. */
+  private changeFile(pulse: number): void {
     const name = this.open?.take?.name;
     if (!name) return;
+    this.startAt = pulse;
     this.open!.number = ++this.opened;
     this.performers.clear();
     this.wanted = -1;
@@ -381,9 +382,10 @@ class Viewer {
   }
 
   private setTakePlayback(pulses: number[]): void {
+    const before = this.playback; // of the other file of the take
     this.playback = new Playback(pulses.map((pulse) => ({ pulse })), this.open?.take?.rate_hz ?? 25);
-    if (Number.isNaN(this.startAt)) this.playback.playing = true;
-    else this.playback.seek(this.startAt);
+    this.playback.playing = before?.playing ?? Number.isNaN(this.startAt);
+    if (!Number.isNaN(this.startAt)) this.playback.seek(this.startAt);
     this.transport.set(this.playback);
   }
 
