@@ -392,6 +392,34 @@ test('fetches again what a busy server refused, and says so', async () => {
   await page.unroute(/\/(api|takes)\//);
 });
 
+test('keeps the focus in lists that are fetched again, and opens a take that a later list has', async () => {
+  let lists = 0;
+  await page.route('**/api/takes', async (route) => {
+    const response = await route.fetch();
+    const { takes } = await response.json();
+    const known = ++lists > 2 ? takes : takes.filter(({ name }) => name !== 'pair');
+    return route.fulfill({ json: { takes: known.map((take) => (take.name === 'ball' ? { ...take, seconds: lists } : take)) } });
+  });
+  await page.goto('about:blank');
+  await open('take=pair');
+  await shows('trouble', 'There is no take pair.');
+  await page.waitForSelector('[data-scene=duel]');
+  const remember = (selector) => page.$eval(selector, (button) => {
+    globalThis.focused = button;
+    button.focus();
+  });
+  const isFocused = () => page.evaluate(() => document.activeElement === globalThis.focused);
+  const isListed = (count) => page.waitForFunction((n) => Number(document.querySelector('[data-take=ball] em').textContent.split(':')[1]) >= n, count);
+  await remember('[data-scene=duel]');
+  await shows('title', 'pair'); // of the third list
+  await isListed(lists + 1);
+  assert.ok(await isFocused(), 'a scene');
+  await remember('[data-take=ball]');
+  await isListed(lists + 1);
+  assert.ok(await isFocused(), 'a take that has changed');
+  await page.unroute('**/api/takes');
+});
+
 test('fetches the decoder again, and reports a worker that is not on the server', async () => {
   let busy = true;
   await page.route('**/v3d_decoder-*.wasm', (route) => {

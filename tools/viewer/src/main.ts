@@ -23,7 +23,7 @@ import { type Look, wantsViews } from './shading';
 import { SkeletonPanel } from './skeleton_panel';
 import { SoundControl } from './sound_control';
 import { Stage } from './stage';
-import { listScenes, TakeBrowser } from './take_browser';
+import { SceneList, TakeBrowser } from './take_browser';
 import { fetchTakes, type Take } from './take_list';
 import { Transport } from './transport';
 import type { FromWorker, ShownFrame, ToWorker } from '../player/src/worker_messages';
@@ -42,6 +42,7 @@ class Viewer {
   private composition: Composition | null = null;
   private readonly panel: ScenePanel;
   private readonly browser = new TakeBrowser({ open: (name) => this.openTake(name), compare: (name) => this.compare(name) });
+  private readonly scenes = new SceneList((name) => this.openScene(name, NaN));
   private readonly pictures: Pictures;
   private playback: Playback | null = null;
   private opened = 0;
@@ -150,7 +151,7 @@ class Viewer {
   /** What cannot be listed stays as it was. */
   private async list(): Promise<void> {
     await this.listTakes();
-    await listScenes((name) => this.openScene(name, NaN));
+    await this.scenes.list();
     this.markOpen();
   }
 
@@ -163,11 +164,13 @@ class Viewer {
     }
     this.browser.list(this.takes);
     this.auxiliary.again();
-    if (this.listed) return;
+    if (this.listed && !this.unknown) return;
     this.listed = true;
     this.followAddress();
   }
   private listed = false;
+  /** The address names a take that the last list does not have; a later one may. */
+  private unknown = false;
 
   private send(message: ToWorker): void {
     this.worker.postMessage(message);
@@ -175,6 +178,7 @@ class Viewer {
 
   private openTake(name: string, pulse = NaN, mesh: string | null = null): void {
     const take = this.takes.find((t) => t.name === name);
+    this.unknown = !take;
     if (!take) return this.errors.set('take', `There is no take ${name}.`);
     this.openAs({ take, scene: null }, `take=${name}`, `api/takes/${name}/rig`);
     this.startAt = pulse;
@@ -308,6 +312,7 @@ class Viewer {
     const { take, scene } = what;
     this.auxiliary.clear();
     this.errors.clear();
+    this.unknown = false;
     this.open = { ...what, number: ++this.opened };
     this.composition?.end();
     this.composition = null;

@@ -1,5 +1,6 @@
 // The studio page: shows the state of the studio and, if the studio file allows it, sends an operator's commands.
 import { CameraWall } from './camera_wall';
+import { ItemList } from './item_list';
 import { type NodeState, type OrderReport, type PreviewHead, splitMessage, type StudioEvent, type StudioState } from './message';
 import { factsOf } from './node_health';
 import { activityOf, nodeActivity, nothingRecorded, proposedName, recordingFacts, recordsNothing } from './operator';
@@ -25,6 +26,8 @@ function made(tag: string, text: string, look = ''): HTMLElement {
 
 const wall = new CameraWall(find('wall'));
 const panel = new OperatorPanel();
+const openTake = (name: string) => location.assign(`./#take=${name}`);
+const takeItems = new ItemList<Take>(() => find('takes'), ({ name }) => name, (take) => takeItem(take, openTake));
 let lost = true;
 let notVerified = '';
 /** The reason for which the server sends no list of takes. */
@@ -118,8 +121,7 @@ async function listTakes(): Promise<void> {
   }
   const proposed = proposedName(takes);
   if (proposed !== null) panel.proposeName(proposed);
-  const open = (name: string) => location.assign(`./#take=${name}`);
-  find('takes').replaceChildren(...takes.slice(0, TAKES_SHOWN).map((take) => takeItem(take, open)));
+  takeItems.show(takes.slice(0, TAKES_SHOWN));
 }
 
 function connect(): void {

@@ -1,4 +1,5 @@
 // The takes of the studio with small pictures, a search field and filters.
+import { ItemList } from './item_list';
 import { find, press } from './page';
 import { ALL_TAKES, passes, scenesOf, type TakeFilter } from './take_filter';
 import { fetchScenes, sceneItem, type Take, takeItem } from './take_list';
@@ -13,8 +14,8 @@ export interface TakeBrowserPage {
 export class TakeBrowser {
   private takes: Take[] = [];
   private filter: TakeFilter = ALL_TAKES;
-  /** The listed items by take, each with the JSON that it shows: an unchanged take keeps its picture. */
-  private items = new Map<string, { json: string; item: HTMLLIElement }>();
+  /** An unchanged take keeps its picture. */
+  private readonly items = new ItemList<Take>(() => find('takes'), ({ name }) => name, (take) => this.itemOf(take));
   private open: Take | null = null;
 
   constructor(private readonly page: TakeBrowserPage) {
@@ -55,18 +56,7 @@ export class TakeBrowser {
 
   private draw(): void {
     const passing = this.takes.filter((take) => passes(take, this.filter));
-    const items = new Map<string, { json: string; item: HTMLLIElement }>();
-    for (const take of passing) {
-      const json = JSON.stringify(take);
-      const known = this.items.get(take.name);
-      items.set(take.name, known?.json === json ? known : { json, item: this.itemOf(take) });
-    }
-    this.items = items;
-    const wanted = [...items.values()].map(({ item }) => item);
-    const list = find('takes');
-    if (wanted.length !== list.children.length || wanted.some((item, n) => item !== list.children[n])) {
-      list.replaceChildren(...wanted);
-    }
+    this.items.show(passing);
     this.mark(this.open);
     find('take-filter').hidden = this.takes.length === 0;
     find('takes-note').textContent = this.noteOf(passing.length);
@@ -105,13 +95,21 @@ export class TakeBrowser {
   }
 }
 
-/** Lists the scenes; `open` opens one. The last list stays, with the reason, when there is no new one. */
-export async function listScenes(open: (name: string) => void): Promise<void> {
-  try {
-    const scenes = await fetchScenes();
-    find('scenes').replaceChildren(...scenes.map((name) => sceneItem(name, () => open(name))));
-    find('scenes-note').textContent = '';
-  } catch (error) {
-    find('scenes-note').textContent = (error as Error).message;
+/** The scenes of the studio; `open` opens one. */
+export class SceneList {
+  private readonly items: ItemList<string>;
+
+  constructor(open: (name: string) => void) {
+    this.items = new ItemList(() => find('scenes'), (name) => name, (name) => sceneItem(name, open));
+  }
+
+  /** Lists the scenes. The last list stays, with the reason, when there is no new one. */
+  async list(): Promise<void> {
+    try {
+      this.items.show(await fetchScenes());
+      find('scenes-note').textContent = '';
+    } catch (error) {
+      find('scenes-note').textContent = (error as Error).message;
+    }
   }
 }
