@@ -27,6 +27,8 @@ export class BendPanel {
   private on = false;
   private skeleton: Skeleton | null = null;
   private frames: number[] = [];
+  /** Frames by pulse. */
+  private frameAt = new Map<number, number>();
   private bend: Bend | null = null;
   /** Operations of an edited take. */
   private before: readonly unknown[] | null = null;
@@ -50,6 +52,7 @@ export class BendPanel {
     this.skeleton = skeleton;
     this.before = before;
     this.frames = skeleton ? editedFrames(skeleton) : [];
+    this.frameAt = new Map(this.frames.map((pulse, frame) => [pulse, frame]));
   }
 
   get isOn(): boolean {
@@ -118,8 +121,8 @@ export class BendPanel {
   }
 
   private shareAt(pulse: number): number {
-    const frame = this.frames.indexOf(pulse);
-    return this.bend && frame >= 0 ? shareAt(this.bend, frame) : 0;
+    const frame = this.frameAt.get(pulse);
+    return this.bend && frame !== undefined ? shareAt(this.bend, frame) : 0;
   }
 
   /** The edit file with the bend. */

@@ -468,7 +468,7 @@ class Viewer {
         else this.send({ kind: 'want', frame: this.wanted });
       }
     }
-    this.skeleton.turn();
+    this.skeleton.turn(now);
     this.stage.render(seconds);
     find('canvas').dataset.settled = String(this.composition?.settled ?? (this.shown !== null && this.pictures.settled));
     this.stage.placeImageFrame(find('image-frame'), this.rig.standing);

@@ -115,3 +115,19 @@ export function similarPoses({ joints, poses }: Skeleton, pulse: number, apart: 
   }
   return found;
 }
+
+/** When a search that depends on the pulse is due: at each other pulse, in playback at intervals. */
+export class SearchPace {
+  private pulse = -1;
+  private at = -Infinity;
+
+  constructor(private readonly everyMs: number) {}
+
+  /** `now` in milliseconds. After the last pulse of a playback, it becomes due once more. */
+  isDue(pulse: number, playing: boolean, now: number): boolean {
+    if (pulse === this.pulse || (playing && now - this.at < this.everyMs)) return false;
+    this.pulse = pulse;
+    this.at = now;
+    return true;
+  }
+}

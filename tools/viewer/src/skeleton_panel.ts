@@ -5,7 +5,7 @@ import { movesSurface } from './bend';
 import { BendPanel } from './bend_panel';
 import { find } from './page';
 import type { Playback } from '../player/src/playback';
-import { similarPoses, turnCurves } from './pose';
+import { SearchPace, similarPoses, turnCurves } from './pose';
 import { fetchSkeletons, NO_SKELETONS, type PerformerSkeleton, type SkeletonSet } from './skeleton_set';
 import type { Stage } from './stage';
 import type { Transport } from './transport';
@@ -13,6 +13,8 @@ import type { ShownFrame } from '../player/src/worker_messages';
 
 /** Similar poses are at least this far from one another, seconds. */
 const APART_S = 0.5;
+/** While a take plays, similar poses are sought this often at most. */
+const SIMILAR_EVERY_MS = 250;
 const FIRST_JOINT = 'left_elbow';
 
 export interface SkeletonHost {
@@ -44,7 +46,7 @@ export class SkeletonPanel {
   constructor(private readonly host: SkeletonHost) {
     this.plot = new AnglePlot(find('angles'), find('timeline'), (pulse) => host.transport.seek(pulse));
     this.bend = new BendPanel(host.stage, () => {
-      this.drawPlot();
+      this.plotDue = true; // once per refresh of the screen, because a slider sends more events
       host.redraw();
     });
     find('skeleton-on').addEventListener('click', () => this.toggle());
@@ -101,20 +103,24 @@ export class SkeletonPanel {
   }
   private drawn: number[] = [];
 
-  /** To call at each refresh of the screen. */
-  turn(): void {
+  /** To call at each refresh of the screen; `now`: its time, ms. */
+  turn(now: number): void {
     const playback = this.host.playback();
     if (playback !== this.playback) {
       this.playback = playback;
       this.draw();
     }
+    if (this.plotDue) this.drawPlot();
     const pulse = playback?.pulse ?? -1;
+    if (this.pace.isDue(pulse, playback?.playing ?? false, now)) this.drawSimilar();
     if (pulse === this.pulse) return;
     this.pulse = pulse;
     if (this.anglesOn) this.plot.setPulse(pulse);
-    this.drawSimilar();
   }
   private pulse = -1;
+  private plotDue = false;
+  /** Of the similar poses, which are sought among all of the take. */
+  private readonly pace = new SearchPace(SIMILAR_EVERY_MS);
   private playback: Playback | null = null;
 
   toggle(): void {
@@ -198,6 +204,7 @@ export class SkeletonPanel {
   }
 
   private drawPlot(): void {
+    this.plotDue = false;
     const skeleton = this.skeletons[this.chosen.skeleton];
     const playback = this.host.playback();
     this.plot.shown = this.anglesOn && skeleton !== undefined && playback !== null;
