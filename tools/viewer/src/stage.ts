@@ -61,7 +61,7 @@ export class Stage {
     this.renderer = new WebGLRenderer({ canvas, context, antialias: true });
     this.renderer.setClearColor(BACKGROUND);
     watchContext(canvas, 0, () => this.onGraphics(CONTEXT_LOST), () => {
-      this.renderer.setClearColor(BACKGROUND); // the renderer has begun anew
+      this.renderer.setClearColor(BACKGROUND); // the renderer starts again with its defaults
       this.redraw();
       this.onGraphics('');
     });

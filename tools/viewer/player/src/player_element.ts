@@ -21,7 +21,7 @@ class PlayerStage {
   private changed = true;
   private readonly endWatch: () => void;
 
-  /** `lost`: called when the graphics card has lost the picture for some seconds. Throws when the browser has no WebGL 2. */
+  /** `lost`, `restored`: called when the graphics card has lost the picture for some seconds, and has it again. Throws without WebGL 2. */
   constructor(
     private readonly canvas: HTMLCanvasElement,
     private readonly player: VolumePlayer,
@@ -96,7 +96,8 @@ export class V3dPlayerElement extends HTMLElement {
     this.controlBar = new PlayerControls(this.shadowRoot ?? this.attachShadow({ mode: 'open' }), this.player, () => this.start());
     this.follow(this.player);
     try {
-      this.stage = new PlayerStage(this.controlBar.canvas, this.player, () => this.report(CONTEXT_LOST), () => this.controlBar?.clearTrouble(CONTEXT_LOST));
+      this.stage = new PlayerStage(
+        this.controlBar.canvas, this.player, () => this.report(CONTEXT_LOST), () => this.controlBar?.clearTrouble(CONTEXT_LOST));
     } catch {
       return this.report('This browser has no WebGL 2; expected one of 2021 or later with a graphics driver that supports it.');
     }
