@@ -29,7 +29,7 @@ export interface Take {
 }
 
 async function fetchList<T>(url: string): Promise<T> {
-  const list = await fetchJson<T>(url, { cache: 'no-store', signal: AbortSignal.timeout(MAX_RESPONSE_MS) });
+  const list = await fetchJson<T>(url, { cache: 'no-cache', signal: AbortSignal.timeout(MAX_RESPONSE_MS) });
   if (list === null) throw new Error('The server answered 404.');
   return list;
 }
