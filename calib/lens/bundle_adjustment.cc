@@ -8,6 +8,7 @@
 #include <memory>
 #include <utility>
 
+#include "calib/lens/lens_prior.h"
 #include "calib/lens/reprojection_residual.h"
 
 namespace v3d::calib {
@@ -62,39 +63,13 @@ class ReprojectionCost final : public ceres::CostFunction {
   ReprojectionResidual residual_;
 };
 
-/// A weak prior for lenses: square pixels, principal point near the middle, little distortion.
-/// It weighs as much as one or two corners, so any board in an image region outweighs it.
-class LensPrior {
- public:
-  LensPrior(const CameraModel& camera, int coefficients)
-      : middle_x_(0.5 * (camera.size().width - 1)),
-        middle_y_(0.5 * (camera.size().height - 1)),
-        coefficients_(coefficients) {}
-
-  static ceres::CostFunction* cost(const CameraModel& camera, int coefficients) {
-    auto cost = std::make_unique<ceres::DynamicAutoDiffCostFunction<LensPrior>>(
-        new LensPrior(camera, coefficients));
-    cost->AddParameterBlock(4 + coefficients);
-    cost->SetNumResiduals(3 + coefficients);
-    return cost.release();
-  }
-
-  template <class T>
-  bool operator()(const T* const* blocks, T* residuals) const {
-    constexpr double kCornerPx = 0.3;  // standard deviation of a detected corner
-    constexpr double kStdDev[] = {0.3, 0.3, 0.002, 0.002, 0.3, 0.3, 0.3, 0.3};
-    const T* lens = blocks[0];
-    residuals[0] = kCornerPx / 0.003 * (lens[0] - lens[1]) / (lens[0] + lens[1]);
-    residuals[1] = kCornerPx / (0.04 * middle_x_) * (lens[2] - middle_x_);
-    residuals[2] = kCornerPx / (0.04 * middle_x_) * (lens[3] - middle_y_);
-    for (int i = 0; i < coefficients_; ++i) residuals[3 + i] = kCornerPx / kStdDev[i] * lens[4 + i];
-    return true;
-  }
-
- private:
-  double middle_x_, middle_y_;
-  int coefficients_;
-};
+ceres::CostFunction* prior_cost(const CameraModel& camera, int coefficients) {
+  auto cost = std::make_unique<ceres::DynamicAutoDiffCostFunction<LensPrior>>(
+      new LensPrior(camera, coefficients));
+  cost->AddParameterBlock(4 + coefficients);
+  cost->SetNumResiduals(LensPrior(camera, coefficients).rows());
+  return cost.release();
+}
 
 class Solver {
  public:
@@ -155,8 +130,7 @@ class Solver {
     for (size_t i = 0; i < lenses_.size(); ++i) {
       const int free = free_coefficients(static_cast<int>(i));
       if (free == 0) continue;
-      problem_.AddResidualBlock(LensPrior::cost(bundle_.cameras[i], free), nullptr,
-                                lenses_[i].data());
+      problem_.AddResidualBlock(prior_cost(bundle_.cameras[i], free), nullptr, lenses_[i].data());
     }
   }
 

@@ -11,6 +11,7 @@
 #include "base/image/image.h"
 #include "calib/boards/board.h"
 #include "calib/lens/bundle_adjustment.h"
+#include "calib/lens/lens_deviation.h"
 #include "calib/parallel_for.h"
 
 namespace v3d::calib {
@@ -23,6 +24,10 @@ constexpr int kFoldIterations = 10;  // few, because the fit to all views is a c
 constexpr double kMinImprovement = 0.95;
 constexpr double kOutlierFactor = 3;  // of the median view
 constexpr double kAcceptableRmsPx = 0.5;
+// Standard deviations of the focal length, as shares of it.
+constexpr double kMaxFocalDeviation = 0.05;
+constexpr double kGoodFocalDeviation = 0.01;
+constexpr char kTiltAdvice[] = "tilt the board by 30 degrees and more in all directions";
 
 /// A lens, and the poses of the board in some views.
 struct Fit {
@@ -108,6 +113,15 @@ class LensFitter {
     return rms_of(all);
   }
 
+  double focal_deviation_px(const Fit& fit, int coefficients) const {
+    std::vector<PosedObservation> posed;
+    for (size_t i = 0; i < fit.views.size(); ++i) {
+      posed.push_back({&views_[fit.views[i]].observation, fit.cam_from_board[i]});
+    }
+    return calib::focal_deviation_px(fit.lens, coefficients, board_, posed,
+                                     BundleOptions{}.robust_px);
+  }
+
   const LensView& view(int index) const { return views_[index]; }
   const Board& board() const { return board_; }
 
@@ -168,13 +182,12 @@ Fit part_of(const Fit& fit, int fold, bool inside) {
 struct Validation {
   Fit fit;  ///< of all views
   LensTrial trial;
-  double focal_spread_px = 0;
 };
 
 /// Predicts each fifth of the views by a lens fitted to the others. Only the board poses of the
 /// held-out views are fitted.
 Validation cross_validate(const LensFitter& fitter, Fit fit, int coefficients) {
-  double squares = 0, focal = 0, focal_squares = 0;
+  double squares = 0;
   int64_t corners = 0;
   for (int fold = 0; fold < kFolds; ++fold) {
     Fit others = part_of(fit, fold, false);
@@ -188,13 +201,9 @@ Validation cross_validate(const LensFitter& fitter, Fit fit, int coefficients) {
         ++corners;
       }
     }
-    const double fx = others.lens.matrix()(0, 0);
-    focal += fx / kFolds;
-    focal_squares += fx * fx / kFolds;
   }
   const double rms = std::sqrt(squares / static_cast<double>(std::max<int64_t>(1, corners)));
-  const double spread = std::sqrt(std::max(0.0, focal_squares - focal * focal));
-  return {std::move(fit), {coefficients, rms}, spread};
+  return {std::move(fit), {coefficients, rms}};
 }
 
 /// The smallest model that predicts about as well as the best one.
@@ -218,7 +227,6 @@ void select_model(const LensFitter& fitter, const LensOptions& options, Fit& fit
   }
   Validation& best = tried[best_of(tried)];
   result.coefficients = best.trial.coefficients;
-  result.focal_spread_px = best.focal_spread_px;
   fit = std::move(best.fit);
 }
 
@@ -244,10 +252,21 @@ std::vector<int> selected_views(const Board& board, ImageSize size, std::span<co
 void fill_result(const LensFitter& fitter, const Fit& fit, LensFit& result) {
   result.lens = fit.lens;
   result.rms_px = fitter.rms_of_fit(fit);
+  result.focal_deviation_px = fitter.focal_deviation_px(fit, result.coefficients);
   for (size_t i = 0; i < fit.views.size(); ++i) {
     result.fitted.push_back({fit.views[i], fitter.rms_of_view(fit, i), fit.cam_from_board[i],
                              fitter.residuals_of(fit, i)});
   }
+}
+
+/// Distance and focal length cannot be separated where all boards are parallel to the image: such a
+/// fit is perfect, with any focal length.
+void require_known_focal_length(const std::string& camera, const LensFit& fit) {
+  if (fit.focal_deviation() <= kMaxFocalDeviation) return;
+  const std::string found = fmt::format("{:.0f} px, with a standard deviation of {:.0f} px",
+                                        fit.lens.matrix()(0, 0), fit.focal_deviation_px);
+  throw InputError(camera + ": the boards do not determine the focal length (" + found +
+                   "): " + kTiltAdvice);
 }
 
 // --- all lenses of a rig
@@ -326,12 +345,20 @@ LensFit fit_lens(const std::string& camera, const Board& board, ImageSize size,
     fitter.adjust_fit(fit, result.coefficients);
   }
   fill_result(fitter, fit, result);
+  require_known_focal_length(camera, result);
   return result;
+}
+
+std::string focal_weakness(const std::string& camera, double focal_deviation) {
+  if (focal_deviation <= kGoodFocalDeviation) return {};
+  return camera + ": its own boards determine its focal length only to " +
+         fmt::format("{:.1f} % (1 sigma): ", 100 * focal_deviation) + kTiltAdvice;
 }
 
 RigLenses fit_rig_lenses(const Board& board, const std::vector<CameraObservations>& cameras,
                          const std::optional<Rig>& previous, int threads) {
-  RigLenses found{std::vector<CameraModel>(cameras.size()), std::vector<int>(cameras.size(), 0)};
+  RigLenses found{std::vector<CameraModel>(cameras.size()), std::vector<int>(cameras.size(), 0),
+                  std::vector<double>(cameras.size(), 0.0)};
   if (previous) {
     for (size_t i = 0; i < cameras.size(); ++i)
       found.lenses[i] = previous_lens(*previous, cameras[i]);
@@ -342,6 +369,7 @@ RigLenses fit_rig_lenses(const Board& board, const std::vector<CameraObservation
     const LensFit fit = fit_own_lens(board, cameras[i]);
     found.lenses[i] = fit.lens;
     found.coefficients[i] = fit.coefficients;
+    found.focal_deviations[i] = fit.focal_deviation();
   });
   return found;
 }

@@ -1,6 +1,7 @@
 // Lens calibration: camera matrix and distortion of a camera from images of a board.
 #pragma once
 
+#include <cmath>
 #include <optional>
 #include <span>
 #include <string>
@@ -49,7 +50,11 @@ struct LensFit {
   std::vector<RejectedView> rejected;
   int unneeded = 0;  ///< views that view selection left out
   std::vector<LensTrial> trials;
-  double focal_spread_px = 0;  ///< standard deviation of fx between the cross-validation folds
+  /// Standard deviation (1 sigma) of fx, as in lens/lens_deviation.h.
+  double focal_deviation_px = 0;
+
+  /// The deviation as a share of fx.
+  double focal_deviation() const { return focal_deviation_px / std::abs(lens.matrix()(0, 0)); }
 };
 
 inline constexpr int kMinLensViews = 5;
@@ -58,20 +63,27 @@ inline constexpr int kMinLensViews = 5;
 ///
 /// Selects views, fits, rejects outlier views, selects the number of coefficients by
 /// cross-validation, and fits again. `size` is the size of all images; `camera` is for messages.
-/// Throws InputError where fewer than kMinLensViews views are usable. Pure.
+/// Throws InputError where fewer than kMinLensViews views are usable, and where they do not
+/// determine the focal length, as boards parallel to the image. Pure.
 LensFit fit_lens(const std::string& camera, const Board& board, ImageSize size,
                  std::span<const LensView> views, const LensOptions& options);
 
+/// A sentence for a focal length that boards determine poorly, with what to record; empty for a
+/// better one. `focal_deviation`: a share of the focal length.
+std::string focal_weakness(const std::string& camera, double focal_deviation);
+
 /// The lenses of all cameras of a rig.
 struct RigLenses {
-  std::vector<CameraModel> lenses;  ///< with their cameras at the origin
-  std::vector<int> coefficients;    ///< number of fitted coefficients; 0: the lens is known
+  std::vector<CameraModel> lenses;       ///< with their cameras at the origin
+  std::vector<int> coefficients;         ///< number of fitted coefficients; 0: the lens is known
+  std::vector<double> focal_deviations;  ///< LensFit::focal_deviation(); 0: the lens is known
 };
 
 /// The lens of each camera: from `previous` where that is given, else by fit_lens().
 ///
-/// Throws InputError where a camera has too few views, where `previous` lacks it or has another
-/// image size, and where the images of two cameras fit each other's lens. Uses `threads` threads.
+/// Throws InputError where fit_lens() throws it for a camera, where `previous` lacks it or has
+/// another image size, and where the images of two cameras fit each other's lens. Uses `threads`
+/// threads.
 RigLenses fit_rig_lenses(const Board& board, const std::vector<CameraObservations>& cameras,
                          const std::optional<Rig>& previous, int threads);
 

@@ -5,10 +5,12 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <utility>
 
 #include "base/core/statistics.h"
 #include "base/core/text.h"
 #include "calib/boards/board.h"
+#include "calib/lens/lens_fit.h"
 
 namespace v3d::calib {
 namespace {
@@ -92,6 +94,13 @@ void check_coverage(const RigFit& fit, std::vector<std::string>& weaknesses) {
         fit.rig[i].name + text +
         (part.empty() ? ": show the board closer to the image borders"
                       : ": show the board in the " + part + " part, and closer to the camera"));
+  }
+}
+
+void check_focal_lengths(const RigFit& fit, std::vector<std::string>& weaknesses) {
+  for (size_t i = 0; i < fit.rig.size(); ++i) {
+    std::string text = focal_weakness(fit.rig[i].name, fit.cameras[i].focal_deviation);
+    if (!text.empty()) weaknesses.push_back(std::move(text));
   }
 }
 
@@ -281,6 +290,7 @@ std::vector<std::string> find_weaknesses(const RigFit& fit) {
   std::vector<std::string> weaknesses;
   check_shared_views(fit, weaknesses);
   check_errors(fit, weaknesses);
+  check_focal_lengths(fit, weaknesses);
   check_coverage(fit, weaknesses);
   return weaknesses;
 }

@@ -340,6 +340,7 @@ class RigFitter {
     fit.found = static_cast<int>(cameras_[camera].observations.size());
     fit.time_offset = time_offsets_[camera];
     fit.coefficients = lenses_.coefficients[camera];
+    fit.focal_deviation = lenses_.focal_deviations[camera];
     fit.coverage = coverage(cameras_[camera].size, {&every, 1});
     fit.rejected = static_cast<int>(
         std::count_if(result_.rejected.begin(), result_.rejected.end(),

@@ -42,6 +42,8 @@ struct CameraFit {
   double time_offset = 0;  ///< corrected offset, instants; positive: the images are late
   int coefficients = 0;    ///< fitted distortion coefficients; 0: the lens is known
   double coverage = 0;     ///< share of the image with observed corners, 0 to 1
+  /// Of the lens alone, as in LensFit::focal_deviation(); 0: the lens is known.
+  double focal_deviation = 0;
   std::vector<CornerResidual> residuals{};
 };
 

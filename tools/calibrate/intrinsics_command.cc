@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
 
 #include "base/core/error.h"
 #include "base/core/text.h"
@@ -58,6 +60,13 @@ double covered(const FoundBoards& found, const calib::LensFit& fit) {
   return calib::coverage(found.size, observations);
 }
 
+std::vector<std::string> weaknesses(const std::string& camera, const calib::LensFit& fit) {
+  std::vector<std::string> sentences;
+  const std::string focal = calib::focal_weakness(camera, fit.focal_deviation());
+  if (!focal.empty()) sentences.push_back(focal);
+  return sentences;
+}
+
 Json to_json(const std::string& camera, const FoundBoards& found, const calib::LensFit& fit) {
   Json rejected = Json::array(), trials = Json::array();
   for (const auto& view : fit.rejected) {
@@ -75,11 +84,12 @@ Json to_json(const std::string& camera, const FoundBoards& found, const calib::L
                     {"pictures", found.images},
                     {"coverage", covered(found, fit)},
                     {"focal_px", {k(0, 0), k(1, 1)}},
-                    {"focal_spread_px", fit.focal_spread_px},
+                    {"focal_spread_px", fit.focal_deviation_px},
                     {"centre_px", {k(0, 2), k(1, 2)}},
                     {"coefficients", fit.coefficients},
                     {"distortions", fit.lens.distortion()},
                     {"cross_validation", trials},
+                    {"weak", weaknesses(camera, fit)},
                     {"rejected", rejected}};
   return {{"rms_px", fit.rms_px}, {"cameras", Json::array({one})}};
 }
@@ -90,8 +100,9 @@ void print_text(const std::string& camera, const FoundBoards& found, const calib
               static_cast<long long>(found.views.size()), static_cast<long long>(found.images),
               100 * covered(found, fit));
   const Eigen::Matrix3d& k = fit.lens.matrix();
-  std::printf("  focal length %.1f x %.1f px (+- %.1f), centre %.1f, %.1f, %d coefficients\n",
-              k(0, 0), k(1, 1), fit.focal_spread_px, k(0, 2), k(1, 2), fit.coefficients);
+  std::printf(
+      "  focal length %.1f x %.1f px (+- %.1f, 1 sigma), centre %.1f, %.1f, %d coefficients\n",
+      k(0, 0), k(1, 1), fit.focal_deviation_px, k(0, 2), k(1, 2), fit.coefficients);
   for (const auto& trial : fit.trials) {
     std::printf("  %d coefficients: %.3f px RMS in held-out images\n", trial.coefficients,
                 trial.held_out_rms_px);
@@ -99,6 +110,7 @@ void print_text(const std::string& camera, const FoundBoards& found, const calib
   for (const auto& view : fit.rejected) {
     std::printf("  rejected: %s: %s\n", found.views[view.view].source.c_str(), view.reason.c_str());
   }
+  for (const std::string& weak : weaknesses(camera, fit)) std::printf("weak: %s\n", weak.c_str());
 }
 
 void require_camera_name(const Arguments& arguments) {

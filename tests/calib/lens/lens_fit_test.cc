@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
+#include <random>
 
 #include "base/core/error.h"
 #include "calib/board_walk_observations.h"
@@ -17,11 +19,33 @@ using testing::HasSubstr;
 
 class LensFitting : public testing::Test {
  protected:
-  std::vector<LensView> views_of(const CameraModel& camera, int boards, double noise_px = 0.2) {
-    const auto seen = observe_board_walk(board_, {{"cam", camera}}, {boards, noise_px, 5});
+  std::vector<LensView> views_of(const CameraModel& camera, int boards, double noise_px = 0.2,
+                                 uint64_t seed = 5) {
+    const auto seen = observe_board_walk(board_, {{"cam", camera}}, {boards, noise_px, seed});
     std::vector<LensView> views;
     for (const auto& [instant, observation] : seen[0].observations) {
       views.push_back({"frame " + std::to_string(instant), observation});
+    }
+    return views;
+  }
+
+  /// Boards parallel to the image, at several places and distances.
+  std::vector<LensView> frontal_views_of(const CameraModel& camera) {
+    std::mt19937 random(1);
+    std::normal_distribution<double> noise(0, 0.05);
+    const RigidTransform world_from_cam = camera.cam_from_world().inverse();
+    std::vector<LensView> views;
+    for (int n = 0; n < 12; ++n) {
+      const double z = (10 + n) * board_.square_m;
+      const Eigen::Vector3d place(0.15 * z * (n % 4 - 1.5), 0.15 * z * (n % 3 - 1), z);
+      LensView view{"frame " + std::to_string(n), {}};
+      for (int i = 0; i < board_.corners(); ++i) {
+        const Eigen::Vector3d corner = place + board_.corner(i) - board_.centre();
+        view.observation.corners.push_back(i);
+        view.observation.pixels.push_back(*camera.project(world_from_cam * corner) +
+                                          Eigen::Vector2d(noise(random), noise(random)));
+      }
+      views.push_back(view);
     }
     return views;
   }
@@ -108,6 +132,32 @@ TEST_F(LensFitting, reports_views_without_a_pose_of_the_board) {
   EXPECT_THAT(
       test::message_of<InputError>([&] { fit_lens("cam07", board_, truth.size(), views, {}); }),
       HasSubstr("cam07: too few boards: 4 usable images of the 6 with a detected board"));
+}
+
+TEST_F(LensFitting, rejects_boards_that_are_all_parallel_to_the_image) {
+  const CameraModel& any = rig_[0].model;
+  const CameraModel straight(any.size(), any.matrix(), {}, any.cam_from_world());
+  const auto views = frontal_views_of(straight);
+  EXPECT_THAT(
+      test::message_of<InputError>([&] { fit_lens("cam07", board_, any.size(), views, {}); }),
+      testing::AllOf(HasSubstr("cam07: the boards do not determine the focal length"),
+                     HasSubstr("tilt the board by 30 degrees")));
+}
+
+TEST_F(LensFitting, states_the_standard_deviation_of_the_focal_length) {
+  constexpr int kTrials = 12;
+  const CameraModel& truth = rig_[0].model;
+  double squares = 0;
+  for (uint64_t seed = 1; seed <= kTrials; ++seed) {
+    const auto views = views_of(truth, 100, 0.2, seed);
+    const LensFit fit = fit_lens("cam", board_, truth.size(), views, {.max_views = 15});
+    const double error = fit.lens.matrix()(0, 0) - truth.matrix()(0, 0);
+    EXPECT_LT(std::abs(error), 3.5 * fit.focal_deviation_px) << seed;
+    squares += std::pow(error / fit.focal_deviation_px, 2) / kTrials;
+  }
+  // 1 but for chance.
+  EXPECT_GT(std::sqrt(squares), 0.5);
+  EXPECT_LT(std::sqrt(squares), 1.7);
 }
 
 TEST_F(LensFitting, names_the_camera_with_too_few_boards) {

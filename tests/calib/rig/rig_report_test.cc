@@ -62,6 +62,15 @@ TEST(Weaknesses, name_cameras_with_large_residuals_and_time_offsets) {
   EXPECT_THAT(find_weaknesses(fit), Contains(HasSubstr("cam01 is 0.40 images early")));
 }
 
+TEST(Weaknesses, name_cameras_whose_boards_were_hardly_tilted) {
+  RigFit fit = good_fit();
+  fit.cameras[1].focal_deviation = 0.023;
+  EXPECT_THAT(
+      find_weaknesses(fit),
+      testing::ElementsAre("cam02: its own boards determine its focal length only to 2.3 % (1 "
+                           "sigma): tilt the board by 30 degrees and more in all directions"));
+}
+
 TEST(RigReport, is_one_page_with_an_image_of_every_camera_and_no_external_link) {
   RigFit fit = good_fit();
   fit.rejected.push_back({1, 12, "blurred & <dark>"});
