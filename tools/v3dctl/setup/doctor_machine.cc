@@ -166,7 +166,8 @@ bool kernel_synchronised() {
 Finding check_ptp(const std::map<std::string, double>& values) {
   const auto offset = values.find("ptp_offset_us");
   if (offset == values.end()) {
-    return {Verdict::kGood, "clock", "this PC is the PTP master, or ptp4l has none", ""};
+    return {Verdict::kUnknown, "clock", "this PC is the PTP master, or ptp4l has lost its master",
+            "right on the PTP master only; elsewhere: journalctl -u ptp4l"};
   }
   const std::string text =
       "synchronised by ptp4l, " + value_text("offset_us", offset->second) + " from its master";

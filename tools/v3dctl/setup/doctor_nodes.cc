@@ -44,15 +44,49 @@ constexpr ValueCheck kValueChecks[] = {
      "wait for the end of its trial; systemctl status v3d-slot-check there"},
 };
 
+constexpr ValueCheck kPtpCheck = {"ptp_offset_us", "clock offset",
+                                  [](double v) { return std::abs(v) > 1000; },
+                                  "journalctl -u ptp4l there: check that it receives its master"};
+
+void add_value(const ValueCheck& check, const wire::HealthMessage& health,
+               std::vector<Finding>& findings) {
+  const auto value = health.values.find(check.value);
+  if (value == health.values.end()) return;
+  const bool is_bad = check.is_bad(value->second);
+  findings.push_back({is_bad ? Verdict::kBad : Verdict::kGood, health.node + " " + check.subject,
+                      std::string(check.value) + " is " + value_text(check.value, value->second),
+                      is_bad ? check.remedy : ""});
+}
+
+/// Whether ptp4l alone synchronises the clock. Beside chronyd or systemd-timesyncd it may only
+/// serve the cameras, or observe.
+bool has_ptp_clock(const wire::HealthMessage& health) {
+  return health.values.contains("ptp_steps_removed") &&
+         !health.values.contains("clock_synchronised_flag");
+}
+
 void add_values(const wire::HealthMessage& health, std::vector<Finding>& findings) {
-  for (const ValueCheck& check : kValueChecks) {
-    const auto value = health.values.find(check.value);
-    if (value == health.values.end()) continue;
-    const bool is_bad = check.is_bad(value->second);
-    findings.push_back({is_bad ? Verdict::kBad : Verdict::kGood, health.node + " " + check.subject,
-                        std::string(check.value) + " is " + value_text(check.value, value->second),
-                        is_bad ? check.remedy : ""});
+  for (const ValueCheck& check : kValueChecks) add_value(check, health, findings);
+  if (has_ptp_clock(health)) add_value(kPtpCheck, health, findings);
+}
+
+/// A ptp4l that has lost its master becomes one: then there are two, and their clocks drift apart.
+/// PCs with chronyd may each be the master of their own cameras. The alert V3dPtpMasters has the
+/// same condition.
+std::optional<Finding> check_ptp_masters(const Health& health) {
+  std::string masters;
+  int count = 0;
+  bool has_lost_one = false;
+  for (const auto& [node, message] : health) {
+    const auto steps = message.values.find("ptp_steps_removed");
+    if (steps == message.values.end() || steps->second != 0) continue;
+    masters += (count++ > 0 ? " and " : "") + node;
+    has_lost_one |= has_ptp_clock(message);
   }
+  if (count < 2 || !has_lost_one) return std::nullopt;
+  return Finding{Verdict::kBad, "clock",
+                 masters + " are all PTP masters, so their clocks drift apart",
+                 "check the network between them; journalctl -u ptp4l there"};
 }
 
 /// v3dctl doctor on the node can say more: it also asks the kernel, which the sandbox of the
@@ -157,6 +191,7 @@ std::vector<Finding> check_nodes(const std::vector<std::string>& nodes, const He
     if (const auto slots = check_slots(message->second)) findings.push_back(*slots);
     add_hot_cameras(message->second, findings);
   }
+  if (const auto masters = check_ptp_masters(health)) findings.push_back(*masters);
   if (const auto firmware = check_firmware(health)) findings.push_back(*firmware);
   findings.push_back(check_versions(health));
   return findings;
