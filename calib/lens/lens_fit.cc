@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "base/core/error.h"
 #include "base/core/statistics.h"
@@ -27,6 +28,7 @@ constexpr double kAcceptableRmsPx = 0.5;
 // Standard deviations of the focal length, as shares of it.
 constexpr double kMaxFocalDeviation = 0.05;
 constexpr double kGoodFocalDeviation = 0.01;
+constexpr double kMaxRmsPx = 1;
 constexpr char kTiltAdvice[] = "tilt the board by 30 degrees and more in all directions";
 
 /// A lens, and the poses of the board in some views.
@@ -353,6 +355,20 @@ std::string focal_weakness(const std::string& camera, double focal_deviation) {
   if (focal_deviation <= kGoodFocalDeviation) return {};
   return camera + ": its own boards determine its focal length only to " +
          fmt::format("{:.1f} % (1 sigma): ", 100 * focal_deviation) + kTiltAdvice;
+}
+
+std::vector<std::string> find_weaknesses(const std::string& camera, const LensFit& fit) {
+  std::vector<std::string> weaknesses;
+  if (fit.rms_px > kMaxRmsPx) {
+    const std::string text = fmt::format(
+        " has an RMS residual of {:.1f} px, expected at most {:.0f}: is the board flat, ",
+        fit.rms_px, kMaxRmsPx);
+    weaknesses.push_back(camera + text +
+                         "are its squares square, are the images sharp? Fisheye lenses do not fit");
+  }
+  std::string focal = focal_weakness(camera, fit.focal_deviation());
+  if (!focal.empty()) weaknesses.push_back(std::move(focal));
+  return weaknesses;
 }
 
 RigLenses fit_rig_lenses(const Board& board, const std::vector<CameraObservations>& cameras,

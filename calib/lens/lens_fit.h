@@ -72,6 +72,9 @@ LensFit fit_lens(const std::string& camera, const Board& board, ImageSize size,
 /// better one. `focal_deviation`: a share of the focal length.
 std::string focal_weakness(const std::string& camera, double focal_deviation);
 
+/// One sentence for each weakness of a lens: a large residual, a poorly determined focal length.
+std::vector<std::string> find_weaknesses(const std::string& camera, const LensFit& fit);
+
 /// The lenses of all cameras of a rig.
 struct RigLenses {
   std::vector<CameraModel> lenses;       ///< with their cameras at the origin

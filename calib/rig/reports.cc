@@ -20,6 +20,7 @@ namespace {
 constexpr int kMinSharedViews = 12;
 constexpr double kMinCoverage = 0.4;
 constexpr double kMaxRmsRatio = 2;
+constexpr double kMaxRmsPx = 1;
 
 struct Neighbour {
   int camera = -1;
@@ -104,19 +105,49 @@ void check_focal_lengths(const RigFit& fit, std::vector<std::string>& weaknesses
   }
 }
 
-void check_errors(const RigFit& fit, std::vector<std::string>& weaknesses) {
+/// What is compared with the residuals of one camera: the median camera, of two the better one.
+double median_rms(const RigFit& fit) {
   std::vector<double> rms;
   for (const CameraFit& camera : fit.cameras) rms.push_back(camera.rms_px);
-  const double median = upper_median(rms);
+  return percentile(rms, 0.5);
+}
+
+/// A cause that all cameras share shows in no comparison between them.
+void check_common_error(const RigFit& fit, std::vector<std::string>& weaknesses) {
+  const double median = median_rms(fit);
+  if (median <= kMaxRmsPx) return;
+  const bool has_known_lenses =
+      std::any_of(fit.cameras.begin(), fit.cameras.end(),
+                  [](const CameraFit& camera) { return camera.coefficients == 0; });
+  weaknesses.push_back(
+      fmt::format("the median camera has an RMS residual of {:.1f} px, expected at most {:.0f}: is "
+                  "the board flat, are its squares square, are the cameras synchronised?",
+                  median, kMaxRmsPx) +
+      (has_known_lenses ? " Do the lenses of the previous calibration still fit (focus, zoom)? "
+                          "Else calibrate without it"
+                        : ""));
+}
+
+void check_error(const CameraFit& camera, const std::string& name, double median,
+                 std::vector<std::string>& weaknesses) {
+  const bool is_alone = median <= kMaxRmsPx && camera.rms_px > kMaxRmsPx;
+  if (camera.rms_px <= kMaxRmsRatio * median && !is_alone) return;
+  weaknesses.push_back(
+      name +
+      fmt::format(" has an RMS residual of {:.2f} px, the median camera {:.2f} px: check focus, "
+                  "mounting and trigger",
+                  camera.rms_px, median) +
+      (camera.coefficients == 0
+           ? "; after a change of focus or zoom, calibrate without the previous calibration"
+           : ""));
+}
+
+void check_errors(const RigFit& fit, std::vector<std::string>& weaknesses) {
+  check_common_error(fit, weaknesses);
+  const double median = median_rms(fit);
   for (size_t i = 0; i < fit.rig.size(); ++i) {
     const CameraFit& camera = fit.cameras[i];
-    if (camera.rms_px > kMaxRmsRatio * median) {
-      const std::string text = fmt::format(
-          " has an RMS residual of {:.2f} px, the median camera {:.2f} px: check focus, mounting "
-          "and trigger",
-          camera.rms_px, median);
-      weaknesses.push_back(fit.rig[i].name + text);
-    }
+    check_error(camera, fit.rig[i].name, median, weaknesses);
     if (4 * camera.rejected > camera.views) {
       weaknesses.push_back(fit.rig[i].name + ": " + std::to_string(camera.rejected) +
                            " images were rejected: move the board more slowly, or use more light");

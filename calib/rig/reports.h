@@ -15,7 +15,7 @@ namespace v3d::calib {
 /// One sentence for each weakness, with what to record to improve it; the most severe first.
 ///
 /// Criteria: views shared with neighbours, image coverage, boards without tilt, cameras that fit
-/// worse than the others, rejected images, time offsets.
+/// badly or worse than the others, rejected images, time offsets.
 std::vector<std::string> find_weaknesses(const RigFit& fit);
 
 /// One self-contained HTML page: a table of the cameras, the weaknesses, a map of the rig with

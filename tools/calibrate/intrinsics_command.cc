@@ -2,7 +2,6 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <string>
-#include <vector>
 
 #include "base/core/error.h"
 #include "base/core/text.h"
@@ -60,13 +59,6 @@ double covered(const FoundBoards& found, const calib::LensFit& fit) {
   return calib::coverage(found.size, observations);
 }
 
-std::vector<std::string> weaknesses(const std::string& camera, const calib::LensFit& fit) {
-  std::vector<std::string> sentences;
-  const std::string focal = calib::focal_weakness(camera, fit.focal_deviation());
-  if (!focal.empty()) sentences.push_back(focal);
-  return sentences;
-}
-
 Json to_json(const std::string& camera, const FoundBoards& found, const calib::LensFit& fit) {
   Json rejected = Json::array(), trials = Json::array();
   for (const auto& view : fit.rejected) {
@@ -89,7 +81,7 @@ Json to_json(const std::string& camera, const FoundBoards& found, const calib::L
                     {"coefficients", fit.coefficients},
                     {"distortions", fit.lens.distortion()},
                     {"cross_validation", trials},
-                    {"weak", weaknesses(camera, fit)},
+                    {"weak", find_weaknesses(camera, fit)},
                     {"rejected", rejected}};
   return {{"rms_px", fit.rms_px}, {"cameras", Json::array({one})}};
 }
@@ -110,7 +102,8 @@ void print_text(const std::string& camera, const FoundBoards& found, const calib
   for (const auto& view : fit.rejected) {
     std::printf("  rejected: %s: %s\n", found.views[view.view].source.c_str(), view.reason.c_str());
   }
-  for (const std::string& weak : weaknesses(camera, fit)) std::printf("weak: %s\n", weak.c_str());
+  for (const std::string& weak : find_weaknesses(camera, fit))
+    std::printf("weak: %s\n", weak.c_str());
 }
 
 void require_camera_name(const Arguments& arguments) {

@@ -160,6 +160,19 @@ TEST_F(LensFitting, states_the_standard_deviation_of_the_focal_length) {
   EXPECT_LT(std::sqrt(squares), 1.7);
 }
 
+TEST_F(LensFitting, has_a_weakness_where_residuals_are_large_or_boards_hardly_tilted) {
+  LensFit fit;
+  fit.lens = rig_[0].model;
+  fit.rms_px = 0.9;
+  fit.focal_deviation_px = 0.009 * fit.lens.matrix()(0, 0);
+  EXPECT_THAT(find_weaknesses("cam07", fit), testing::IsEmpty());
+  fit.rms_px = 2.3;
+  fit.focal_deviation_px = 0.02 * fit.lens.matrix()(0, 0);
+  EXPECT_THAT(find_weaknesses("cam07", fit),
+              testing::ElementsAre(HasSubstr("cam07 has an RMS residual of 2.3 px"),
+                                   HasSubstr("tilt the board by 30 degrees")));
+}
+
 TEST_F(LensFitting, names_the_camera_with_too_few_boards) {
   const CameraModel& truth = rig_[0].model;
   auto views = views_of(truth, 300);

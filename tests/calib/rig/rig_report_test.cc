@@ -62,6 +62,30 @@ TEST(Weaknesses, name_cameras_with_large_residuals_and_time_offsets) {
   EXPECT_THAT(find_weaknesses(fit), Contains(HasSubstr("cam01 is 0.40 images early")));
 }
 
+TEST(Weaknesses, name_a_large_residual_that_all_cameras_have) {
+  RigFit fit = good_fit();
+  for (CameraFit& camera : fit.cameras) camera.rms_px = 6;
+  EXPECT_THAT(find_weaknesses(fit),
+              testing::ElementsAre(testing::AllOf(
+                  HasSubstr("the median camera has an RMS residual of 6.0 px"),
+                  HasSubstr("is the board flat"), Not(HasSubstr("previous calibration")))));
+  for (CameraFit& camera : fit.cameras) camera.coefficients = 0;
+  EXPECT_THAT(
+      find_weaknesses(fit),
+      testing::ElementsAre(HasSubstr("Do the lenses of the previous calibration still fit")));
+}
+
+TEST(Weaknesses, name_the_worse_one_of_two_cameras) {
+  RigFit fit = good_fit();
+  fit.rig.resize(2);
+  fit.cameras.resize(2);
+  std::erase_if(fit.pairs, [](const PairPose& pair) { return pair.b > 1; });
+  fit.cameras[0].rms_px = 0.2;
+  fit.cameras[1].rms_px = 5;
+  EXPECT_THAT(find_weaknesses(fit),
+              testing::ElementsAre(HasSubstr("cam02 has an RMS residual of 5.00 px")));
+}
+
 TEST(Weaknesses, name_cameras_whose_boards_were_hardly_tilted) {
   RigFit fit = good_fit();
   fit.cameras[1].focal_deviation = 0.023;
