@@ -206,5 +206,51 @@ TEST_F(InterruptedCalibration, keeps_the_file_after_its_last_step) {
       testing::ExitedWithCode(0), "");
 }
 
+class CalibrationOutputs : public testing::Test {
+ protected:
+  CalibrationOutputs() { save_calib(calib_, test::small_rig(2)); }
+
+  /// What `v3dctl calibrate WORDS` prints on stderr. Its images do not exist.
+  static std::string error_of(std::vector<std::string> words) {
+    words.insert(words.begin(), {"v3dctl", "calibrate"});
+    words.insert(words.end(), {"--images", "a=/not/there/*.png"});
+    std::vector<char*> argv;
+    for (std::string& word : words) argv.push_back(word.data());
+    testing::internal::CaptureStderr();
+    const int status = ctl::run_program(static_cast<int>(argv.size()), argv.data(), add_calibrate);
+    EXPECT_EQ(status, kExitBadInput);
+    return testing::internal::GetCapturedStderr();
+  }
+  const test::TemporaryFolder folder_;
+  const std::string calib_ = (folder_ / "calib.toml").string();
+  const std::string absent_ = (folder_ / "absent" / "x").string();
+};
+
+TEST_F(CalibrationOutputs, of_which_one_would_replace_another_are_rejected_before_the_work) {
+  const std::string before = read_file(calib_);
+  EXPECT_THAT(error_of({"rig", "--board", "chess:9x6:25mm", "--out", calib_, "--report", calib_}),
+              testing::HasSubstr("is the file of --out; use another"));
+  const std::string other = (folder_ / "other.toml").string();
+  const std::string again = (folder_ / "." / "calib.toml").string();
+  EXPECT_THAT(error_of({"rig", "--board", "chess:9x6:25mm", "--before", calib_, "--out", other,
+                        "--report", again}),
+              testing::HasSubstr("is the file of --before; use another"));
+  EXPECT_THAT(
+      error_of({"colour", "--with", "grey", "--calib", calib_, "--out", other, "--report", calib_}),
+      testing::HasSubstr("is the file of --calib; use another"));
+  EXPECT_EQ(read_file(calib_), before);
+}
+
+TEST_F(CalibrationOutputs, that_cannot_be_written_are_rejected_before_the_work) {
+  for (const std::vector<std::string>& words : std::vector<std::vector<std::string>>{
+           {"rig", "--board", "chess:9x6:25mm", "--out", absent_},
+           {"rig", "--board", "chess:9x6:25mm", "--out", calib_, "--report", absent_},
+           {"floor", "--board", "chess:9x6:25mm", "--calib", calib_, "--out", absent_},
+           {"colour", "--calib", calib_, "--out", calib_, "--report", absent_},
+           {"intrinsics", "--board", "chess:9x6:25mm", "--out", absent_}}) {
+    EXPECT_THAT(error_of(words), testing::HasSubstr("does not exist")) << words.front();
+  }
+}
+
 }  // namespace
 }  // namespace v3d::calibrate

@@ -35,6 +35,18 @@ TEST(FrameRange, rejects_an_invalid_range) {
   }
 }
 
+TEST(OutputFiles, can_be_replaced_but_not_created_in_an_absent_folder) {
+  const test::TemporaryFolder folder;
+  EXPECT_NO_THROW(check_output({"--out", folder / "new.toml"}));
+  EXPECT_NO_THROW(check_output({"--out", {}}));
+  EXPECT_THROW(check_output({"--out", folder / "absent" / "new.toml"}), InputError);
+  EXPECT_THROW(check_output({"--out", folder.path()}), InputError);
+  EXPECT_NO_THROW(require_other_file({"--report", {}}, {{"--before", {}}}));
+  EXPECT_THROW(
+      require_other_file({"--report", folder / "a"}, {{"--out", folder / "b" / ".." / "a"}}),
+      InputError);
+}
+
 TEST(CameraFiles, keep_their_order_and_any_equals_sign_in_the_file_name) {
   EXPECT_THAT(parse_camera_files({"b=1.avi", "a=x=y.avi"}, "--video"),
               ElementsAre(CameraFile{"b", "1.avi"}, CameraFile{"a", "x=y.avi"}));

@@ -147,7 +147,15 @@ void print_text(const Rig& rig, const calib::ColourFit& fit) {
               fit.ninety_percent.after);
 }
 
+void check_outputs(const Arguments& arguments) {
+  ctl::check_output({"--out", arguments.out});
+  ctl::check_output({"--report", arguments.report});
+  ctl::require_other_file({"--report", arguments.report},
+                          {{"--out", arguments.out}, {"--calib", arguments.calib}});
+}
+
 int run(const ctl::CommandLine& line, const Arguments& arguments) {
+  check_outputs(arguments);
   Rig rig = load_calib(arguments.calib);
   ctl::catch_interrupts();
   const Result result = fit_colours(line, arguments, rig);
@@ -157,13 +165,13 @@ int run(const ctl::CommandLine& line, const Arguments& arguments) {
     names.push_back(rig[i].name);
   }
   save_result(arguments.out, rig);
-  if (!arguments.report.empty()) {
-    replace_file(arguments.report, colour_report_html(names, result.fit, result.samples));
-  }
   if (arguments.json) {
     std::printf("%s\n", to_json(rig, result.fit).dump(2).c_str());
   } else {
     print_text(rig, result.fit);
+  }
+  if (!arguments.report.empty()) {
+    replace_file(arguments.report, colour_report_html(names, result.fit, result.samples));
   }
   return kExitDone;
 }

@@ -46,6 +46,7 @@ void print_text(const calib::FloorFit& fit) {
 }
 
 int run(const ctl::CommandLine& line, const Arguments& arguments) {
+  ctl::check_output({"--out", arguments.out});
   const calib::BoardDetector detector(calib::parse_board(arguments.board));
   const Rig rig = load_calib(arguments.calib);
   ctl::catch_interrupts();

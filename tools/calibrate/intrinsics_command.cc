@@ -113,6 +113,7 @@ void require_camera_name(const Arguments& arguments) {
 }
 
 int run(const ctl::CommandLine& line, const Arguments& arguments) {
+  ctl::check_output({"--out", arguments.out});
   require_camera_name(arguments);
   const calib::BoardDetector detector(calib::parse_board(arguments.board));
   ctl::catch_interrupts();

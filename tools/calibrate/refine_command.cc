@@ -141,6 +141,7 @@ void print_text(const Rig& rig, const calib::RefineResult& result, const std::st
 }
 
 int run(const Arguments& arguments) {
+  ctl::check_output({"--out", arguments.out});
   const Rig rig = arguments.calib.empty() ? take::load_take_calib({arguments.take})
                                           : load_calib(arguments.calib);
   ctl::catch_interrupts();

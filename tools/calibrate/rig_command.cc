@@ -107,7 +107,15 @@ RigSources rig_sources(const ctl::CommandLine& line, const Arguments& arguments)
   return sources;
 }
 
+void check_outputs(const Arguments& arguments) {
+  ctl::check_output({"--out", arguments.out});
+  ctl::check_output({"--report", arguments.report});
+  ctl::require_other_file({"--report", arguments.report},
+                          {{"--out", arguments.out}, {"--before", arguments.before}});
+}
+
 int run(const ctl::CommandLine& line, const Arguments& arguments) {
+  check_outputs(arguments);
   const calib::BoardDetector detector(calib::parse_board(arguments.board));
   calib::RigOptions options;
   if (!arguments.before.empty()) options.previous = load_calib(arguments.before);
@@ -117,15 +125,15 @@ int run(const ctl::CommandLine& line, const Arguments& arguments) {
   const calib::RigFit fit = fit_rig(detector.board(), boards.cameras, options);
   note_time_offsets(boards.cameras, fit);
   save_result(arguments.out, fit.rig);
-  if (!arguments.report.empty()) {
-    replace_file(arguments.report, rig_report_html(detector.board(), fit, images_of(boards)));
-  }
   if (arguments.json) {
     std::printf("%s\n", to_json(fit).dump(2).c_str());
   } else {
     print_text(fit);
     std::printf("wrote %s; its upward axis is only estimated; next step: v3dctl calibrate floor\n",
                 arguments.out.c_str());
+  }
+  if (!arguments.report.empty()) {
+    replace_file(arguments.report, rig_report_html(detector.board(), fit, images_of(boards)));
   }
   return kExitDone;
 }

@@ -116,37 +116,16 @@ MountOptions parse_mount_options(const Arguments& arguments) {
   return options;
 }
 
-/// Throws InputError where the file could not be written after the work. `option`: "--out"
-void check_output(const std::string& option, const std::filesystem::path& file) {
-  const std::filesystem::path folder = std::filesystem::absolute(file).parent_path();
-  if (!std::filesystem::is_directory(folder)) {
-    throw InputError(option + " " + file.string() + ": its folder " + folder.string() +
-                     " does not exist");
-  }
-  if (std::filesystem::is_directory(file)) {
-    throw InputError(option + " " + file.string() + ": is a folder, expected the name of a file");
-  }
-}
-
-bool is_same_file(const std::filesystem::path& a, const std::filesystem::path& b) {
-  return std::filesystem::weakly_canonical(std::filesystem::absolute(a)) ==
-         std::filesystem::weakly_canonical(std::filesystem::absolute(b));
-}
-
 void check_outputs(const Arguments& arguments) {
-  check_output("--out", arguments.out);
+  ctl::check_output({"--out", arguments.out});
   if (std::filesystem::exists(arguments.out)) {
     throw InputError(arguments.out +
                      ": exists already and is not replaced by a planned rig; use another name, or "
                      "move the file");
   }
-  if (arguments.plot.empty()) return;
-  check_output("--plot", arguments.plot);
-  const std::string plot = "--plot " + arguments.plot + ": is the file of ";
-  if (is_same_file(arguments.plot, arguments.out)) throw InputError(plot + "--out; use another");
-  if (!arguments.fixed.empty() && is_same_file(arguments.plot, arguments.fixed)) {
-    throw InputError(plot + "--fixed; use another");
-  }
+  ctl::check_output({"--plot", arguments.plot});
+  ctl::require_other_file({"--plot", arguments.plot},
+                          {{"--out", arguments.out}, {"--fixed", arguments.fixed}});
 }
 
 Request parse_request(const Arguments& arguments) {

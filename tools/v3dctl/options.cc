@@ -1,5 +1,7 @@
 #include "v3dctl/options.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <charconv>
 
@@ -93,6 +95,33 @@ int report_missing_index(const std::filesystem::path& file) {
   note("v3dctl: " + file.string() +
        ": has no index: it is truncated or not finished; frames may be missing");
   return kExitIncomplete;
+}
+
+void check_output(const OptionFile& output) {
+  if (output.file.empty()) return;
+  const std::string name = output.option + " " + output.file.string();
+  const std::filesystem::path folder = std::filesystem::absolute(output.file).parent_path();
+  if (!std::filesystem::is_directory(folder)) {
+    throw InputError(name + ": its folder " + folder.string() + " does not exist");
+  }
+  if (std::filesystem::is_directory(output.file)) {
+    throw InputError(name + ": is a folder, expected the name of a file");
+  }
+  if (::access(folder.c_str(), W_OK) != 0) {
+    throw InputError(name + ": this user cannot write its folder " + folder.string());
+  }
+}
+
+void require_other_file(const OptionFile& output, const std::vector<OptionFile>& others) {
+  const auto real = [](const std::filesystem::path& file) {
+    return std::filesystem::weakly_canonical(std::filesystem::absolute(file));
+  };
+  if (output.file.empty()) return;
+  for (const OptionFile& other : others) {
+    if (other.file.empty() || real(output.file) != real(other.file)) continue;
+    throw InputError(output.option + " " + output.file.string() + ": is the file of " +
+                     other.option + "; use another");
+  }
 }
 
 void add_frames_option(cli::Command command, std::string& value) {

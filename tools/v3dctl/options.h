@@ -37,6 +37,19 @@ int report_incomplete_frames(int64_t frames, const std::filesystem::path& take);
 /// Reports on stderr that the mesh file has no index. Returns kExitIncomplete.
 int report_missing_index(const std::filesystem::path& file);
 
+/// The value of an option that names a file; an empty file: the option is not given.
+struct OptionFile {
+  std::string option;  ///< "--out"
+  std::filesystem::path file;
+};
+
+/// Throws InputError where the file could not be written after the work, because it is a folder, or
+/// its folder does not exist or cannot be written. Does nothing for an option that is not given.
+void check_output(const OptionFile& output);
+
+/// Throws InputError where `output` names the file of one of `others`, and would replace it.
+void require_other_file(const OptionFile& output, const std::vector<OptionFile>& others);
+
 void add_frames_option(cli::Command command, std::string& value);
 void add_json_flag(cli::Command command, bool& value);
 
