@@ -192,13 +192,17 @@ Rig load_calib(const std::filesystem::path& path) {
   return parse_calib(io::value_or_throw(io::read_file(path, kMaxTakeTextBytes)), path);
 }
 
-void save_calib(const std::filesystem::path& path, const Rig& rig) {
+std::string calib_text(const Rig& rig) {
   TomlWriter file;
   file.comment("metres, z up; x_cam = R x_world + t; rotation = Rodrigues vector of R");
   for (size_t i = 0; i < rig.size(); ++i) {
     write_camera(rig[i], file.table("cam_" + std::to_string(i)));
   }
-  replace_file(path, file.written());
+  return file.written();
+}
+
+void save_calib(const std::filesystem::path& path, const Rig& rig) {
+  replace_file(path, calib_text(rig));
 }
 
 }  // namespace v3d

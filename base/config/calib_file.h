@@ -2,6 +2,8 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
+#include <string_view>
 
 #include "base/geometry/camera_model.h"
 
@@ -24,6 +26,10 @@ Rig load_calib(const std::filesystem::path& path);
 
 /// Like load_calib(), but reads `text`. Error messages use `path` as the file name.
 Rig parse_calib(std::string_view text, const std::filesystem::path& path);
+
+/// The text of the rig that save_calib() writes. parse_calib() rejects it where a number exceeds
+/// its limits.
+std::string calib_text(const Rig& rig);
 
 /// Writes the rig to a file, which it replaces atomically. Throws std::runtime_error with path and
 /// cause.

@@ -206,20 +206,25 @@ TEST_F(InterruptedCalibration, keeps_the_file_after_its_last_step) {
       testing::ExitedWithCode(0), "");
 }
 
+/// What `v3dctl calibrate WORDS` prints on stderr. It must reject its arguments.
+std::string error_of_command(std::vector<std::string> words) {
+  words.insert(words.begin(), {"v3dctl", "calibrate"});
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  testing::internal::CaptureStderr();
+  const int status = ctl::run_program(static_cast<int>(argv.size()), argv.data(), add_calibrate);
+  EXPECT_EQ(status, kExitBadInput);
+  return testing::internal::GetCapturedStderr();
+}
+
 class CalibrationOutputs : public testing::Test {
  protected:
   CalibrationOutputs() { save_calib(calib_, test::small_rig(2)); }
 
-  /// What `v3dctl calibrate WORDS` prints on stderr. Its images do not exist.
+  /// The same of a command with images, which do not exist.
   static std::string error_of(std::vector<std::string> words) {
-    words.insert(words.begin(), {"v3dctl", "calibrate"});
     words.insert(words.end(), {"--images", "a=/not/there/*.png"});
-    std::vector<char*> argv;
-    for (std::string& word : words) argv.push_back(word.data());
-    testing::internal::CaptureStderr();
-    const int status = ctl::run_program(static_cast<int>(argv.size()), argv.data(), add_calibrate);
-    EXPECT_EQ(status, kExitBadInput);
-    return testing::internal::GetCapturedStderr();
+    return error_of_command(words);
   }
   const test::TemporaryFolder folder_;
   const std::string calib_ = (folder_ / "calib.toml").string();
@@ -250,6 +255,26 @@ TEST_F(CalibrationOutputs, that_cannot_be_written_are_rejected_before_the_work) 
            {"intrinsics", "--board", "chess:9x6:25mm", "--out", absent_}}) {
     EXPECT_THAT(error_of(words), testing::HasSubstr("does not exist")) << words.front();
   }
+}
+
+TEST(ConvertedCalibration, that_no_command_could_read_is_rejected_and_keeps_the_file) {
+  const test::TemporaryFolder folder;
+  const std::filesystem::path model = folder / "sparse";
+  const std::string calib = (folder / "calib.toml").string();
+  std::filesystem::create_directory(model);
+  save_calib(calib, test::small_rig(2));
+  const std::string before = read_file(calib);
+  const std::string far_away = "1 1 0 0 0 4075539.9 931735.3 4801629.6 1 a.png\n\n";
+  replace_file(model / "cameras.txt", "1 PINHOLE 640 480 500 501 320.5 240.5\n");
+  replace_file(model / "images.txt", far_away);
+  EXPECT_THAT(
+      error_of_command({"convert", model.string(), calib}),
+      testing::HasSubstr("from the origin of the world; move the origin to the space first"));
+  replace_file(model / "cameras.txt", "1 PINHOLE 640 480 5000000 501 320.5 240.5\n");
+  replace_file(model / "images.txt", "1 1 0 0 0 0 0 0 1 a.png\n\n");
+  EXPECT_THAT(error_of_command({"convert", model.string(), calib}),
+              testing::HasSubstr("calib.toml cannot hold this rig"));
+  EXPECT_EQ(read_file(calib), before);
 }
 
 }  // namespace

@@ -110,6 +110,26 @@ Json to_json(const Rig& rig, RigFormat from, RigFormat to,
           {"files", files}};
 }
 
+/// Throws InputError where parse_calib() would reject the written rig.
+void require_readable(const Rig& rig, const Arguments& arguments) {
+  constexpr double kMaxDistanceM = 1e6;  // of parse_calib()
+  double distance_m = 0;
+  for (const RigCamera& camera : rig) {
+    distance_m = std::max(distance_m, camera.model.center().norm());
+  }
+  if (distance_m > kMaxDistanceM) {
+    throw InputError(arguments.in + ": a camera is " + format_length(distance_m) +
+                     " from the origin of the world; move the origin to the space first, or check "
+                     "--unit " +
+                     arguments.unit);
+  }
+  try {
+    parse_calib(calib_text(rig), arguments.out);
+  } catch (const InputError& error) {
+    throw InputError(arguments.in + ": calib.toml cannot hold this rig: " + error.what());
+  }
+}
+
 int run(const Arguments& arguments) {
   const RigFormat from = format_of(arguments.from, "--from", arguments.in);
   const RigFormat to = format_of(arguments.to, "--to", arguments.out);
@@ -119,6 +139,7 @@ int run(const Arguments& arguments) {
   }
   const Rig rig = calib::metric_rig(load_rig({arguments.in, from, size_of(arguments.size)}),
                                     parse_length(arguments.unit), arguments.up);
+  if (to == RigFormat::kToml) require_readable(rig, arguments);
   const auto written = save_rig(arguments.out, to, rig);
   if (arguments.json) {
     std::printf("%s\n", to_json(rig, from, to, written).dump(2).c_str());
