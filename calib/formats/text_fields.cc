@@ -161,6 +161,17 @@ std::string id_of(const std::string& camera) {
   return digits.substr(std::min(digits.find_first_not_of('0'), digits.size() - 1));
 }
 
+/// Whether frame indices (with their instants) are not counted from the first frame of a video of
+/// `frames` frames. A video without its last frames has indices beyond its end, too, but few.
+bool has_other_origin(const std::map<int64_t, int64_t>& by_index, int64_t frames) {
+  constexpr int64_t kMaxLostShare = 100;  // a hundredth of the frames
+  const int64_t first = by_index.begin()->first, last = by_index.rbegin()->first;
+  const int64_t beyond = last - frames + 1;
+  if (frames <= 0 || beyond <= 0) return false;
+  const bool has_length_of_video = last - first + 1 == frames;
+  return has_length_of_video || beyond > std::max<int64_t>(2, frames / kMaxLostShare);
+}
+
 }  // namespace
 
 TimeStamps parse_time_stamps(std::string_view csv, const std::filesystem::path& path) {
@@ -192,18 +203,24 @@ TimeStamps parse_time_stamps(std::string_view csv, const std::filesystem::path& 
   return stamps;
 }
 
-std::map<int64_t, int64_t> frame_instants(const TimeStamps& stamps, const std::string& camera,
-                                          int64_t frames, const std::filesystem::path& path) {
+FrameInstants frame_instants(const TimeStamps& stamps, const std::string& camera, int64_t frames,
+                             const std::filesystem::path& path) {
   auto found = stamps.find(camera);
   if (found == stamps.end()) found = stamps.find(id_of(camera));
   if (found == stamps.end() || found->second.empty()) {
     throw InputError(path.string() + ": no time stamps of camera " + camera);
   }
-  const bool exceeds = frames > 0 && found->second.rbegin()->first >= frames;
-  const int64_t first = exceeds ? found->second.begin()->first : 0;
-  std::map<int64_t, int64_t> instants;
-  for (const auto& [frame, instant] : found->second) instants[frame - first] = instant;
-  return instants;
+  const int64_t first = has_other_origin(found->second, frames) ? found->second.begin()->first : 0;
+  FrameInstants result;
+  for (const auto& [index, instant] : found->second) {
+    const int64_t frame = index - first;
+    if (frames > 0 && frame >= frames) {
+      ++result.beyond;
+    } else {
+      result.instants[frame] = instant;
+    }
+  }
+  return result;
 }
 
 }  // namespace v3d::calib

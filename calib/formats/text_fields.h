@@ -64,12 +64,19 @@ using TimeStamps = std::map<std::string, std::map<int64_t, int64_t>>;
 /// rows without a frame, are ignored. Throws InputError with `path` and line.
 TimeStamps parse_time_stamps(std::string_view csv, const std::filesystem::path& path);
 
-/// The instants of one camera by frame of its video, counted from 0.
+struct FrameInstants {
+  std::map<int64_t, int64_t> instants;  ///< by frame of the video, counted from 0
+  int64_t beyond = 0;                   ///< number of time stamps beyond the end of the video
+};
+
+/// The instants of one camera.
 ///
 /// Camera ids match by name, else by the number at the end of the name ("cam_2" and "cam02" match
-/// 2). Where frame indices exceed the number of `frames` in the video (0: unknown), they are
-/// counted from the camera's first index. Throws InputError where the table lacks the camera.
-std::map<int64_t, int64_t> frame_instants(const TimeStamps& stamps, const std::string& camera,
-                                          int64_t frames, const std::filesystem::path& path);
+/// 2). Where frame indices far exceed the number of `frames` in the video (0: unknown), or have its
+/// length, they are counted from the camera's first index. Otherwise the video lacks frames at its
+/// end, such as a damaged one, and the time stamps beyond it are left out. Throws InputError where
+/// the table lacks the camera.
+FrameInstants frame_instants(const TimeStamps& stamps, const std::string& camera, int64_t frames,
+                             const std::filesystem::path& path);
 
 }  // namespace v3d::calib

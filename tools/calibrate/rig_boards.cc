@@ -38,6 +38,12 @@ calib::CameraObservations by_time_stamp(const calib::CameraObservations& by_fram
   return camera;
 }
 
+void note_stamps_beyond(const std::string& camera, const calib::FrameInstants& frames) {
+  if (frames.beyond == 0) return;
+  note("v3dctl: " + camera + ": its video lacks " + ctl::count_of(frames.beyond, "frame") +
+       " at its end that --timestamps has");
+}
+
 }  // namespace
 
 void RigArguments::add_to(cli::Command command) {
@@ -146,8 +152,10 @@ RigBoards find_rig_boards(const RigSources& sources, const calib::BoardDetector&
       camera.observations[found.numbers[i]] = found.views[i].observation;
     }
     if (!sources.time_stamps.empty()) {
-      camera = by_time_stamp(
-          camera, calib::frame_instants(stamps, named.camera, found.frames, sources.time_stamps));
+      const calib::FrameInstants frames =
+          calib::frame_instants(stamps, named.camera, found.frames, sources.time_stamps);
+      note_stamps_beyond(named.camera, frames);
+      camera = by_time_stamp(camera, frames.instants);
     }
     boards.cameras.push_back(std::move(camera));
   }
