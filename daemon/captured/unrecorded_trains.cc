@@ -1,6 +1,7 @@
 #include "daemon/captured/unrecorded_trains.h"
 
 #include <algorithm>
+#include <cstddef>
 #include <nlohmann/json.hpp>
 
 #include "base/core/error.h"
@@ -288,6 +289,14 @@ nlohmann::json stops_json(const std::vector<segmentation::MotionStop>& stops) {
   return json;
 }
 
+/// The first numbers of a list: a check of many pulses without frames would not fit a reply. The
+/// field with "_count" at its end has the length.
+nlohmann::json first_of(const std::vector<int64_t>& pulses) {
+  constexpr size_t kMaxListed = 100;
+  return std::vector<int64_t>(pulses.begin(), pulses.begin() + static_cast<std::ptrdiff_t>(std::min(
+                                                                   kMaxListed, pulses.size())));
+}
+
 }  // namespace
 
 std::string check_json(const CheckResult& result) {
@@ -298,10 +307,13 @@ std::string check_json(const CheckResult& result) {
   for (const CheckedCamera& c : result.cameras) {
     checked.push_back({{"name", c.pulses.name},
                        {"received", c.pulses.received},
-                       {"missing", c.pulses.missing},
+                       {"missing", first_of(c.pulses.missing)},
+                       {"missing_count", c.pulses.missing.size()},
                        {"dropped", c.dropped},
-                       {"duplicate", c.pulses.duplicate},
-                       {"suspect", c.pulses.suspect},
+                       {"duplicate", first_of(c.pulses.duplicate)},
+                       {"duplicate_count", c.pulses.duplicate.size()},
+                       {"suspect", first_of(c.pulses.suspect)},
+                       {"suspect_count", c.pulses.suspect.size()},
                        {"clipped", c.quality.clipped},
                        {"dark", c.quality.dark},
                        {"mean_grey", c.quality.mean_grey},

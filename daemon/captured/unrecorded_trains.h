@@ -134,9 +134,10 @@ struct CheckResult {
 };
 
 /// JSON of a check for the detail of a reply: pulses {commanded, sensed, rate_hz}, checked [{name,
-/// received, missing, dropped, duplicate, suspect, clipped, dark, mean_grey, focus, plates_focus,
-/// foreground, flicker_amplitude, beat_hz, rate_without_flicker_hz, motion_stops [[pulse,
-/// change]]}], not_ready [names], sound {fault, clap_pulse, uncertainty_us} or null.
+/// received, missing, missing_count, dropped, duplicate, duplicate_count, suspect, suspect_count,
+/// clipped, dark, mean_grey, focus, plates_focus, foreground, flicker_amplitude, beat_hz,
+/// rate_without_flicker_hz, motion_stops [[pulse, change]]}], not_ready [names], sound {fault,
+/// clap_pulse, uncertainty_us} or null. The lists of pulses are cut off after the first 100.
 std::string check_json(const CheckResult& result);
 
 }  // namespace v3d::captured

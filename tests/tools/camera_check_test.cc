@@ -125,6 +125,13 @@ TEST(CameraCheck, parses_the_replies_of_nodes) {
   EXPECT_FALSE(all_good(report));
 }
 
+TEST(CameraCheck, reads_the_counts_of_lists_that_a_node_has_cut_off) {
+  std::string reply(kReply);
+  const std::string list = "\"missing\":[7]";
+  reply.replace(reply.find(list), list.size(), list + ",\"missing_count\":100000");
+  EXPECT_EQ(parse_check_replies(answer_with(reply)).cameras.at(0).missing, 100000);
+}
+
 TEST(CameraCheck, reads_the_flicker_of_each_camera) {
   std::string reply(kReply);
   const std::string last = "\"foreground\":null";

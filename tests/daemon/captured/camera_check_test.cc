@@ -1,8 +1,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <optional>
+#include <string>
+#include <vector>
+
 #include "capture/fed_camera.h"
 #include "daemon/captured/unrecorded_trains.h"
+#include "daemon/control/reply_json.h"
 
 namespace v3d::captured {
 namespace {
@@ -63,6 +68,21 @@ TEST(CheckOfCameras, counts_frames_that_the_node_was_too_slow_to_examine) {
   const CheckedCamera checked = check.close(kFrames + 1).front();
   EXPECT_EQ(checked.dropped, 1);
   EXPECT_EQ(checked.pulses.missing, std::vector<int64_t>{0});
+}
+
+TEST(CheckOfCameras, has_a_reply_that_fits_when_all_frames_of_many_pulses_are_missing) {
+  constexpr int64_t kPulses = 100'000;
+  CheckedCamera camera;
+  for (int64_t pulse = 0; pulse < kPulses; ++pulse) camera.pulses.missing.push_back(pulse);
+  const std::vector<CheckedCamera> cameras(15, camera);
+  take::Ledger ledger;
+  ledger.commanded = kPulses;
+  const std::vector<std::string> none;
+  const std::optional<CheckedSound> no_sound;
+  const std::string detail = check_json(
+      {.ledger = ledger, .rate_hz = 25, .cameras = cameras, .not_ready = none, .sound = no_sound});
+  EXPECT_LE(detail.size(), control::kMaxDetailBytes);
+  EXPECT_THAT(detail, testing::HasSubstr("\"missing_count\":100000"));
 }
 
 }  // namespace

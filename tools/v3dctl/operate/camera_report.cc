@@ -128,14 +128,19 @@ CameraMeasurement parse_measurement(const Json& entry, const std::string& node, 
     if (value.is_null()) return std::nullopt;
     return value.get<double>();
   };
+  // Earlier nodes send the whole lists and no counts.
+  const auto count = [&](const std::string& list) {
+    const std::string key = list + "_count";
+    return entry.value(key, static_cast<int64_t>(entry.at(list).size()));
+  };
   return {.node = node,
           .camera = entry.at("name").get<std::string>(),
           .pulses = pulses,
           .received = entry.at("received").get<int64_t>(),
-          .missing = static_cast<int64_t>(entry.at("missing").size()),
+          .missing = count("missing"),
           .dropped = entry.value("dropped", int64_t{0}),
-          .duplicate = static_cast<int64_t>(entry.at("duplicate").size()),
-          .suspect = static_cast<int64_t>(entry.at("suspect").size()),
+          .duplicate = count("duplicate"),
+          .suspect = count("suspect"),
           .clipped = entry.at("clipped").get<double>(),
           .dark = entry.at("dark").get<double>(),
           .focus = entry.at("focus").get<double>(),
