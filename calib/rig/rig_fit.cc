@@ -102,9 +102,9 @@ class RigFitter {
     if (std::all_of(offsets.begin(), offsets.end(), [](int l) { return l == 0; })) return;
     if (std::any_of(offsets.begin(), offsets.end(),
                     [&](int l) { return std::abs(l) > options_.max_time_offset; })) {
-      throw InputError(
-          time_offset_text(cameras_, time_offsets_) +
-          ": use --timestamps, or cut the videos so that they start at the same moment");
+      const std::string& remedy = options_.time_offset_remedy;
+      throw InputError(time_offset_text(cameras_, time_offsets_) +
+                       (remedy.empty() ? "" : ": " + remedy));
     }
     for (size_t i = 0; i < cameras_.size(); ++i) shift_instants(cameras_[i], offsets[i]);
     find_poses();

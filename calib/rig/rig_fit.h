@@ -24,6 +24,8 @@ struct RigOptions {
   /// Time offsets up to this many instants are corrected and reported; larger ones are an error.
   /// The buffers of free-running cameras can delay images by one instant.
   int max_time_offset = 1;
+  /// What to do about a larger one, for the message; it depends on the source of the images.
+  std::string time_offset_remedy{};
   int max_instants = 400;  ///< of those that at least two cameras share
   int threads = 2;
 };

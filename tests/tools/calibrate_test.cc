@@ -131,6 +131,19 @@ TEST_F(RigImages, at_an_interval_have_the_instants_of_their_time_stamps) {
   EXPECT_THAT(instants, testing::ElementsAre(104, 106, 108, 110));
 }
 
+TEST_F(RigImages, of_a_camera_that_is_late_have_the_remedy_of_their_source) {
+  using testing::HasSubstr;
+  RigSources videos, take, images;
+  videos.videos = {{"a", "a.avi"}};
+  EXPECT_THAT(time_offset_remedy(videos), HasSubstr("use --timestamps"));
+  videos.time_stamps = "stamps.csv";
+  EXPECT_THAT(time_offset_remedy(videos), HasSubstr("check the time stamps of stamps.csv"));
+  take.take = "boards-01";
+  EXPECT_THAT(time_offset_remedy(take), HasSubstr("v3dctl verify boards-01"));
+  images.images = {{"a", "a*.png"}};
+  EXPECT_THAT(time_offset_remedy(images), HasSubstr("the n-th images"));
+}
+
 /// Saves plates of one grey value as the background of the cameras.
 void save_plates(const std::filesystem::path& folder, const Rig& rig, ImageSize size) {
   Image plate(size, PixelFormat::kRGB8);

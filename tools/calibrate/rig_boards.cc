@@ -163,6 +163,19 @@ RigBoards find_rig_boards(const RigSources& sources, const calib::BoardDetector&
   return boards;
 }
 
+std::string time_offset_remedy(const RigSources& sources) {
+  if (!sources.take.empty()) {
+    return "check the trigger cables of these cameras; v3dctl verify " + sources.take.string() +
+           " shows frames whose pulse numbers are suspect";
+  }
+  if (!sources.images.empty()) {
+    return "the n-th images of all cameras must show the same instant";
+  }
+  return sources.time_stamps.empty()
+             ? "use --timestamps, or cut the videos so that they start at the same moment"
+             : "check the time stamps of " + sources.time_stamps.string();
+}
+
 namespace {
 
 using calib::BoardDetector;

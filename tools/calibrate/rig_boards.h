@@ -61,6 +61,9 @@ struct RigBoards {
 /// lists of images have different lengths.
 RigBoards find_rig_boards(const RigSources& sources, const calib::BoardDetector& detector);
 
+/// What to do where the images of a camera are late or early.
+std::string time_offset_remedy(const RigSources& sources);
+
 // Search for a small, slanted board on the floor, with the calibrated rig as a prediction.
 
 /// Searches for the board in up to five images of each camera.

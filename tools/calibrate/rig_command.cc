@@ -120,7 +120,9 @@ int run(const ctl::CommandLine& line, const Arguments& arguments) {
   calib::RigOptions options;
   if (!arguments.before.empty()) options.previous = load_calib(arguments.before);
   ctl::catch_interrupts();
-  const RigBoards boards = find_rig_boards(rig_sources(line, arguments), detector);
+  const RigSources sources = rig_sources(line, arguments);
+  options.time_offset_remedy = time_offset_remedy(sources);
+  const RigBoards boards = find_rig_boards(sources, detector);
   if (boards.cameras.size() < 2) throw InputError("a rig needs at least two cameras");
   const calib::RigFit fit = fit_rig(detector.board(), boards.cameras, options);
   note_time_offsets(boards.cameras, fit);
