@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "base/core/error.h"
+#include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "v3dctl/reconstruct/reconstruct_options.h"
 
@@ -33,6 +34,12 @@ TEST(FrameRange, rejects_an_invalid_range) {
        {":", "7:3", "3:3", "a:b", "-1:4", "1:2:3", "1.5", " 1", "1 :2", "99999999999999999999"}) {
     EXPECT_THROW(parse_frame_range(text), InputError) << text;
   }
+}
+
+TEST(Lengths, that_are_invalid_are_reported_with_their_option) {
+  EXPECT_EQ(parse_length_option("8mm", "--unit"), 0.008);
+  EXPECT_THAT(test::message_of<InputError>([] { parse_length_option("0m", "--unit"); }),
+              testing::StartsWith("--unit: length '0m': expected a positive number"));
 }
 
 TEST(OutputFiles, can_be_replaced_but_not_created_in_an_absent_folder) {

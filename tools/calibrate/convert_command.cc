@@ -137,8 +137,9 @@ int run(const Arguments& arguments) {
   if (opencv && std::filesystem::path(arguments.out).extension() == ".json") {
     throw InputError(arguments.out + ": OpenCV files are written as .yml, .yaml or .xml");
   }
-  const Rig rig = calib::metric_rig(load_rig({arguments.in, from, size_of(arguments.size)}),
-                                    parse_length(arguments.unit), arguments.up);
+  const Rig rig =
+      calib::metric_rig(load_rig({arguments.in, from, size_of(arguments.size)}),
+                        ctl::parse_length_option(arguments.unit, "--unit"), arguments.up);
   if (to == RigFormat::kToml) require_readable(rig, arguments);
   const auto written = save_rig(arguments.out, to, rig);
   if (arguments.json) {

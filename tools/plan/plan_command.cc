@@ -97,20 +97,28 @@ std::vector<Mount> parse_mounts(const std::string& text) {
   return mounts;
 }
 
+/// "0m": a camera on the floor. parse_length() accepts positive lengths only.
+bool is_zero_length(std::string_view text) {
+  double value = 1;
+  return consume_number(text, value) && value == 0 && (text == "m" || text == "cm" || text == "mm");
+}
+
 MountOptions parse_mount_options(const Arguments& arguments) {
   MountOptions options;
   options.mounts = parse_mounts(arguments.mounts);
-  options.margin_m = parse_length(arguments.margin);
+  options.margin_m = ctl::parse_length_option(arguments.margin, "--margin");
   const size_t colon = arguments.heights.find(':');
   if (colon == std::string::npos) {
     throw InputError("--heights " + arguments.heights + ": expected LOW:HIGH, like 0.3m:2.5m");
   }
-  options.low_m = parse_length(std::string_view(arguments.heights).substr(0, colon));
-  options.high_m = parse_length(std::string_view(arguments.heights).substr(colon + 1));
+  const std::string_view low = std::string_view(arguments.heights).substr(0, colon);
+  options.low_m = is_zero_length(low) ? 0 : ctl::parse_length_option(low, "--heights");
+  options.high_m =
+      ctl::parse_length_option(std::string_view(arguments.heights).substr(colon + 1), "--heights");
   if (!(options.margin_m >= 0.2 && options.margin_m <= kMaxSideM)) {
     throw InputError("--margin " + arguments.margin + ": expected 0.2m to 50m");
   }
-  if (!(options.low_m >= 0 && options.low_m <= options.high_m && options.high_m <= kMaxSideM)) {
+  if (!(options.low_m <= options.high_m && options.high_m <= kMaxSideM)) {
     throw InputError("--heights " + arguments.heights + ": expected 0m <= LOW <= HIGH <= 50m");
   }
   return options;

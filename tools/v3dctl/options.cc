@@ -80,6 +80,14 @@ std::vector<std::string> parse_names(std::string_view text, std::string_view opt
   return names;
 }
 
+double parse_length_option(std::string_view text, std::string_view option) {
+  try {
+    return parse_length(text);
+  } catch (const InputError& error) {
+    throw InputError(std::string(option) + ": " + error.what());
+  }
+}
+
 std::string count_of(int64_t n, const std::string& singular) {
   return format_count(n) + " " + singular + (n == 1 ? "" : "s");
 }

@@ -27,6 +27,10 @@ std::vector<CameraFile> parse_camera_files(const std::vector<std::string>& value
 /// Splits "a,b,c" at the commas; "" has no parts. Throws InputError for an empty part.
 std::vector<std::string> parse_names(std::string_view text, std::string_view option);
 
+/// parse_length() of the value of `option`, or of a part of it; the message of InputError begins
+/// with the option.
+double parse_length_option(std::string_view text, std::string_view option);
+
 /// Number and noun: "1 frame", "1,250 frames".
 std::string count_of(int64_t n, const std::string& singular);
 
