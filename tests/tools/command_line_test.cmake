@@ -78,6 +78,8 @@ function(check_rejections)
   expect_rejection(calibrate intrinsics --board chess:9x6 --video /not/there)
   expect_rejection(calibrate intrinsics --board chess:9x6:25mm --video /not/there --json)
   expect_rejection(calibrate intrinsics --board chess:9x6:25mm --images "/not/there/*.png")
+  expect_rejection_naming("--images uses all that match"
+    calibrate intrinsics --board chess:9x6:25mm --images "/not/there/*.png" --every 3)
   expect_rejection(calibrate rig --board chess:9x6:25mm --out /tmp/c.toml --video cam1)
   expect_rejection(calibrate rig --board chess:9x6:25mm --out /tmp/c.toml --take /not/there)
   expect_rejection(calibrate rig --board chess:9x6:25mm --out /tmp/c.toml --take /not/there --live 5)

@@ -41,6 +41,7 @@ ImageSource open_source(const ctl::CommandLine& line, const Arguments& arguments
                            !arguments.take.empty() + (arguments.live_s > 0);
   if (source_count != 1)
     throw InputError("use exactly one of --images, --video, --take and --live");
+  require_no_interval_of_images(arguments.sampling, !arguments.images.empty());
   if (!arguments.images.empty()) return open_images(arguments.images);
   if (!arguments.video.empty()) return open_videos({arguments.video}, arguments.sampling).front();
   if (!arguments.take.empty()) {

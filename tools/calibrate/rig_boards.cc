@@ -77,9 +77,7 @@ void RigArguments::require_used_options() const {
   if (!given.time_stamps.empty() && videos.empty()) {
     throw InputError("--timestamps assigns frames of videos: expected --video CAM=FILE");
   }
-  if (given.sampling.every > 0 && !images.empty()) {
-    throw InputError("--every chooses frames of videos and takes; --images uses all that match");
-  }
+  require_no_interval_of_images(given.sampling, !images.empty());
 }
 
 RigSources RigArguments::sources(const ctl::CommandLine& line) const {
@@ -89,6 +87,12 @@ RigSources RigArguments::sources(const ctl::CommandLine& line) const {
   result.images = ctl::parse_camera_files(images, "--images");
   if (live_s > 0) result.take = record_live_take(line.studio(), live_s);
   return result;
+}
+
+void require_no_interval_of_images(const Sampling& sampling, bool has_images) {
+  if (sampling.every > 0 && has_images) {
+    throw InputError("--every chooses frames of videos and takes; --images uses all that match");
+  }
 }
 
 void add_live_option(cli::Command command, double& seconds) {

@@ -40,6 +40,9 @@ struct RigArguments {
   void require_used_options() const;
 };
 
+/// Throws InputError for --every with --images, which has no effect on them.
+void require_no_interval_of_images(const Sampling& sampling, bool has_images);
+
 /// Adds the option --live SECONDS.
 void add_live_option(cli::Command command, double& seconds);
 
