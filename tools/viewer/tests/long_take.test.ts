@@ -24,7 +24,7 @@ describe('the skeleton of a long take', () => {
     const searches = (['indexOf', 'findIndex', 'includes', 'find'] as const).map((name) => vi.spyOn(Array.prototype, name));
     const bent = poses.filter((pose) => panel.bentPose(pose) !== pose);
     const calls = searches.reduce((sum, { mock }) => sum + mock.calls.length, 0);
-    expect(bent.map(({ pulse }) => pulse).filter((pulse, n, all) => n === 0 || n === all.length - 1)).toEqual([49_987, 50_013]);
+    expect(bent.map(({ pulse }) => pulse).filter((_, n, all) => n === 0 || n === all.length - 1)).toEqual([49_987, 50_013]);
     expect(calls).toBe(0);
   });
 
