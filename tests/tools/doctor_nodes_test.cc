@@ -185,21 +185,5 @@ TEST(Doctor, of_all_nodes_names_hot_cameras_and_cameras_of_one_model_with_other_
   EXPECT_FALSE(of_subject("firmware")) << "no camera reports its firmware";
 }
 
-/// A host on which the timer of cycle i fires late by delays[i].
-class DelayedHost {
- public:
-  explicit DelayedHost(std::vector<Duration> delays) : delays_(std::move(delays)) {}
-  HostClock clock() {
-    return {.now = [this] { return now_; },
-            .sleep_until =
-                [this](MonotonicInstant due) { now_ = std::max(now_, due) + delays_.at(next_++); }};
-  }
-
- private:
-  std::vector<Duration> delays_;
-  size_t next_ = 0;
-  MonotonicInstant now_{std::chrono::hours(1)};
-};
-
 }  // namespace
 }  // namespace v3d::ctl

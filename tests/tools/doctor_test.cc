@@ -30,6 +30,22 @@ TEST(Doctor, requires_a_receive_buffer_for_a_burst_of_frames) {
   EXPECT_EQ(check_receive_buffer(-1).verdict, Verdict::kUnknown);
 }
 
+/// A host on which the timer of cycle i fires late by delays[i].
+class DelayedHost {
+ public:
+  explicit DelayedHost(std::vector<Duration> delays) : delays_(std::move(delays)) {}
+  HostClock clock() {
+    return {.now = [this] { return now_; },
+            .sleep_until =
+                [this](MonotonicInstant due) { now_ = std::max(now_, due) + delays_.at(next_++); }};
+  }
+
+ private:
+  std::vector<Duration> delays_;
+  size_t next_ = 0;
+  MonotonicInstant now_{std::chrono::hours(1)};
+};
+
 TEST(Doctor, measures_how_late_each_timer_wakes) {
   using std::chrono::microseconds;
   const std::vector<Duration> delays = {microseconds(5), microseconds(900), microseconds(2500),
