@@ -50,8 +50,7 @@ void swap_performer(Clip& clip, const Clip& performer, size_t shown) {
   centre.z() = 0;
   for (ClipFrame& frame : clip.frames) {
     const Vector3d pelvis = centre + scale * (frame.skeleton.joints[kPelvis] - centre);
-    const SkeletonPulse skeleton =
-        posed(own.skeleton, performer.prop_hand, frame.skeleton, pelvis);
+    const SkeletonPulse skeleton = posed(own.skeleton, performer.prop_hand, frame.skeleton, pelvis);
     frame = own;
     pose(clip, frame, skeleton);
   }

@@ -68,7 +68,9 @@ TEST(SwappedPerformer, makes_steps_that_fit_the_legs_and_stands_on_the_floor) {
   Clip clip = before;
   swap_performer(clip, child(), 0);
   constexpr double kScale = kChildM / kAdultM;
-  const auto pelvis = [](const Clip& of, size_t f) { return of.frames[f].skeleton.joints[kPelvis]; };
+  const auto pelvis = [](const Clip& of, size_t f) {
+    return of.frames[f].skeleton.joints[kPelvis];
+  };
   EXPECT_NEAR(pelvis(clip, 0).x(), 1, 1e-9);
   EXPECT_NEAR(pelvis(clip, 7).x() - pelvis(clip, 0).x(), kScale * 0.35, 1e-6);
   EXPECT_NEAR(clip.frames[0].skeleton.joints[kRightAnkle].z(),
