@@ -5,7 +5,10 @@ import { fetchRig } from '../src/rig';
 import { fetchSound } from '../src/sound_file';
 import { fetchScenes, fetchTakes } from '../src/take_list';
 
-afterEach(() => vi.unstubAllGlobals());
+afterEach(() => {
+  vi.useRealTimers();
+  vi.unstubAllGlobals();
+});
 const answer = (status: number, text = '') => vi.stubGlobal('fetch', async () => new Response(text, { status }));
 
 describe('a request of the page', () => {
@@ -38,7 +41,6 @@ describe('a request of the page', () => {
     expect(errors).toEqual([]);
     await vi.advanceTimersByTimeAsync(1500);
     expect(errors.map(({ message }) => message)).toEqual(Array(2).fill('The studio does not answer. Is v3d-viewd running?'));
-    vi.useRealTimers();
   });
 
   it('without an answer is no refusal', async () => {
