@@ -219,6 +219,7 @@ std::optional<ReceivedMessage> MessageReceiver::accept(ReceivedMessage message,
   message.session = stamp.session;
   message.age = filter_.age(stamp, now, signer);
   message.sent = stamp.sent;
+  message.sent_here = filter_.sent_here(stamp, now, signer);
   if (is_noted) filter_.note(stamp, now, signer);
   return message;
 }

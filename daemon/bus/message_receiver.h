@@ -34,9 +34,12 @@ struct ReceivedMessage {
   /// process that was stopped reads old messages when it continues. Too large, by the step, if the
   /// sender's clock was set back and its session has not responded since.
   Duration age{};
-  /// When an accepted message was sent, by the clock of its sender. With `age`, it relates that
-  /// clock to the one of this PC. Empty where no authentication is required.
+  /// When an accepted message was sent, by the clock of its sender. Empty where no authentication
+  /// is required.
   std::optional<RealtimeInstant> sent = {};
+  /// The same time on this PC's clock (SessionReplayFilter::sent_here()); relates the two clocks.
+  /// Empty where `sent` is.
+  std::optional<MonotonicInstant> sent_here = {};
 };
 
 /// Counts of datagrams that were rejected before the verification of their MAC, and of incomplete

@@ -109,6 +109,12 @@ Duration SessionReplayFilter::age(const SessionStamp& stamp, const ReceiverTime&
                           : std::max(Duration{}, known->age(stamp.sent, now.monotonic));
 }
 
+MonotonicInstant SessionReplayFilter::sent_here(const SessionStamp& stamp, const ReceiverTime& now,
+                                                const wire::Signer& signer) const {
+  const Session* const known = find(stamp.session, signer);
+  return known == nullptr ? now.monotonic : std::min(now.monotonic, known->sent_here(stamp.sent));
+}
+
 bool SessionReplayFilter::has_responded(uint32_t session, const wire::Signer& signer) const {
   const Session* const known = find(session, signer);
   return known != nullptr && known->has_responded;

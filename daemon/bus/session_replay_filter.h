@@ -87,6 +87,13 @@ class SessionReplayFilter {
   /// session.
   Duration age(const SessionStamp& stamp, const ReceiverTime& now,
                const wire::Signer& signer = {}) const;
+  /// When an authentic message was sent, on this PC's CLOCK_MONOTONIC: late by the delay of the
+  /// fastest message until now, and at most `now`; `now` for an unknown session. Unlike age(),
+  /// which must never be too large, it assumes that the clocks have not drifted since that message.
+  /// Early, by the step, if the sender's clock was set back and the session has not responded
+  /// since.
+  MonotonicInstant sent_here(const SessionStamp& stamp, const ReceiverTime& now,
+                             const wire::Signer& signer = {}) const;
   /// Whether accept() was called for the session and the signer.
   bool has_responded(uint32_t session, const wire::Signer& signer = {}) const;
   /// Records an authentic, recent message as received. With a signer: its signature was verified.
@@ -128,6 +135,9 @@ class SessionReplayFilter {
     /// The least possible age of a message.
     Duration age(RealtimeInstant sent, MonotonicInstant now) const {
       return delay(sent, now) - drift(now);
+    }
+    MonotonicInstant sent_here(RealtimeInstant sent) const {
+      return fast_received + (sent - fast_sent);
     }
     bool is_of(uint32_t session, const wire::Signer& other) const {
       return id == session && signer == other;

@@ -14,9 +14,12 @@ constexpr size_t kPulseQueue = 256;
 /// Without authentication: a pulse that is older than this, or in the future, was timed by a clock
 /// that differs from that of this PC.
 constexpr Duration kMaxNetworkDelay = std::chrono::milliseconds(200);
-/// Clocks that differ by less are synchronised: the least delay of a message is shorter. Also the
-/// largest change of a clock that counts as no step (RealtimeFollower::kSlew).
-constexpr Duration kSynchronised = RealtimeFollower::kSlew;
+/// Clocks that differ by less are synchronised. The least delay of a message is mostly shorter. An
+/// error of the time of a pulse must be much shorter than the latency of the fastest camera:
+/// otherwise the frame of the next pulse seems to be of this one (capture::find_start()).
+constexpr Duration kSynchronised = std::chrono::milliseconds(2);
+/// The session of an older message was challenged, and its response has not arrived yet.
+constexpr Duration kMaxPulseAge = bus::SessionReplayFilter::kSeemsOld;
 
 /// A lost message is noticed when the next one arrives. The last pulse has no next one, so its
 /// message is sent again.
@@ -46,20 +49,21 @@ std::optional<LocalPulse> open_pulse(const bus::ReceivedMessage& in) {
 
 capture::PulseEdge edge_on_this_pc(const wire::PulseMessage& pulse, const bus::ReceivedMessage& in,
                                    const bus::ReceiverTime& now) {
-  const auto edge = [&](Duration ago) {
-    return capture::PulseEdge{.pulse = pulse.pulse, .at = now.monotonic - ago};
+  const auto edge = [&](MonotonicInstant at) {
+    return capture::PulseEdge{.pulse = pulse.pulse, .at = at};
   };
   const capture::PulseEdge unknown{.pulse = pulse.pulse, .at = now.monotonic, .is_timed = false};
-  std::optional<Duration> ago;
+  std::optional<Duration> ago;  // by the wall clocks
   if (are_close(now.realtime, pulse.edge)) ago = now.realtime - pulse.edge;
-  if (!in.sent) {
-    return ago && *ago >= Duration::zero() && *ago <= kMaxNetworkDelay ? edge(*ago) : unknown;
+  if (!in.sent || !in.sent_here) {
+    const bool is_plausible = ago && *ago >= Duration::zero() && *ago <= kMaxNetworkDelay;
+    return is_plausible ? edge(now.monotonic - *ago) : unknown;
   }
   if (!are_close(*in.sent, pulse.edge)) return unknown;
-  const Duration compared = in.age + (*in.sent - pulse.edge);
-  const bool agrees = ago && std::chrono::abs(*ago - compared) <= kSynchronised;
-  if (agrees) return edge(*ago);
-  return in.age <= kSynchronised ? edge(compared) : unknown;
+  const MonotonicInstant compared = *in.sent_here - (*in.sent - pulse.edge);
+  const bool agrees = ago && std::chrono::abs(now.monotonic - *ago - compared) <= kSynchronised;
+  if (agrees) return edge(now.monotonic - *ago);
+  return in.age <= kMaxPulseAge ? edge(compared) : unknown;
 }
 
 PulseRecorder::PulseRecorder(trigger::PulseSensor* sensor, bus::Bus& bus, Setup setup)

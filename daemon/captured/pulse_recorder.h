@@ -24,11 +24,12 @@ namespace v3d::captured {
 /// When the sensed pulse of a received message was, on the clock of this PC at `now`.
 ///
 /// The clocks of two PCs are compared by the messages that the sender's process has sent
-/// (ReceivedMessage::age): their difference is known to the least delay of a message. Where that
-/// agrees with the time in the message, the clocks are synchronised, and the time in the message is
-/// exact, however late it is received. Where it does not agree, the compared time counts, up to
-/// some milliseconds late. Where it does not agree and the message seems to be more than 50 ms old,
-/// it is late or the sender's clock was set back, and the pulse has no time (PulseEdge::is_timed).
+/// (ReceivedMessage::sent_here): their difference is known to the least delay of a message. The
+/// compared time is late by this delay, and the wall clocks are not used. Where the time in the
+/// message agrees with it within 2 ms, the clocks are synchronised, and the time in the message
+/// counts, however late it is received: it is exact where NTP works.
+/// Where it does not agree and the message seems to be more than 10 ms old, the message is late or
+/// the sender's clock was set back, and the pulse has no time (PulseEdge::is_timed).
 /// Without authentication nothing is compared, and a pulse of the future or of more than 200 ms ago
 /// has no time.
 capture::PulseEdge edge_on_this_pc(const wire::PulseMessage& pulse, const bus::ReceivedMessage& in,

@@ -96,6 +96,7 @@ TEST_F(Receiver, returns_when_a_message_was_sent_by_the_clocks_of_sender_and_rec
   EXPECT_EQ(late.sent, kNow + 100ms);
   EXPECT_LE(late.age, 300ms);
   EXPECT_GE(late.age, 299ms) << "less the largest drift of the clocks";
+  EXPECT_EQ(late.sent_here, kReceiverNow.monotonic + 100ms);
 }
 
 TEST_F(Receiver, returns_a_long_message_for_any_order_of_its_datagrams) {

@@ -122,6 +122,27 @@ TEST(SessionReplayFilter, gives_the_age_of_a_message_of_a_known_session) {
   EXPECT_EQ(filter.age(stamp(7, 3, 11s), now), 0s) << "a clock that runs ahead";
 }
 
+Duration any_ms(int most) { return std::chrono::microseconds(*rc::gen::inRange(0, 1000 * most)); }
+
+RC_GTEST_PROP(SessionReplayFilter,
+              gives_the_time_of_sending_late_by_the_least_delay_whatever_the_wall_clocks_show, ()) {
+  SessionReplayFilter filter;
+  const Duration offset = std::chrono::milliseconds(*rc::gen::inRange(-7'200'000, 7'200'000));
+  const Duration least = any_ms(20);
+  filter.accept(stamp(7, 1, offset), later(least), least);
+  const Duration sent = any_ms(10'000), delay = least + any_ms(4000);
+  const ReceiverTime now{kNow.monotonic + sent + delay, kNow.realtime + any_ms(10'000)};
+  RC_ASSERT(filter.sent_here(stamp(7, 2, offset + sent), now) == kNow.monotonic + sent + least);
+}
+
+TEST(SessionReplayFilter, gives_no_time_of_sending_after_the_reception) {
+  SessionReplayFilter filter;
+  EXPECT_EQ(filter.sent_here(stamp(7, 1, -3s), kNow), kNow.monotonic) << "unknown";
+  filter.note(stamp(7, 1), later(5ms));
+  EXPECT_EQ(filter.sent_here(stamp(7, 2, 1s), later(1002ms)), kNow.monotonic + 1002ms)
+      << "this message was faster";
+}
+
 TEST(SessionReplayFilter, accepts_a_clock_that_drifts_for_a_day) {
   SessionReplayFilter filter;
   constexpr double kRate = 1 - 150e-6;  // two crystals, each at its limit
