@@ -101,8 +101,10 @@ namespace {
 
 /// Maximum number of exposures lost before the first frame. Larger counter differences are invalid.
 constexpr int64_t kMaxLost = 1000;
-constexpr double kEdgeError = 0.1;        ///< periods
-constexpr double kMaxArrivalDelay = 0.4;  ///< periods; delay of a frame that counts as on time
+constexpr double kEdgeError = 0.1;         ///< periods
+constexpr double kMaxArrivalDelay = 0.4;   ///< periods; delay of a frame that counts as on time
+constexpr double kMaxStepDeviation = 0.2;  ///< periods between two frames of a train
+constexpr int64_t kMaxStepsFromStray = 3;  ///< periods; frames between them may be lost
 
 double periods(Duration duration, Duration period) {
   return static_cast<double>(duration.count()) / static_cast<double>(period.count());
@@ -116,12 +118,25 @@ bool is_catching_up(std::span<const FrameStamp> frames, Duration period) {
   return periods(exposed - received, period) > kMaxArrivalDelay;
 }
 
-/// Number of frames at the front that arrived before pulse 0.
+bool is_before_pulse_0(const FrameStamp& frame, const StartEvidence& e) {
+  return periods(latency_of(frame.received, 0, *e.edge, e.period), e.period) <= -kEdgeError;
+}
+
+/// Whether `frame` was exposed so many whole periods after `before` that both seem to be of pulses.
+bool is_in_step(const FrameStamp& before, const FrameStamp& frame, Duration period) {
+  const double passed = periods(frame.exposed - before.exposed, period);
+  const int64_t steps = std::llround(passed);
+  return steps >= 1 && steps <= kMaxStepsFromStray &&
+         std::abs(passed - static_cast<double>(steps)) <= kMaxStepDeviation;
+}
+
+/// Number of frames at the front that arrived before pulse 0 and are no frames of the train.
 size_t count_strays(std::span<const FrameStamp> frames, const StartEvidence& e) {
-  const auto of_the_train = std::ranges::find_if(frames, [&](const FrameStamp& frame) {
-    return periods(latency_of(frame.received, 0, *e.edge, e.period), e.period) > -kEdgeError;
-  });
-  return static_cast<size_t>(of_the_train - frames.begin());
+  size_t count = 0;
+  while (count < frames.size() && is_before_pulse_0(frames[count], e)) ++count;
+  if (count == frames.size()) return count;
+  while (count > 0 && is_in_step(frames[count - 1], frames[count], e.period)) --count;
+  return count;
 }
 
 /// Arrival of the first frame in periods after pulse 0, estimated from several frames.
@@ -183,7 +198,8 @@ std::optional<TrainStart> find_start(std::span<const FrameStamp> frames, const S
     return TrainStart{.strays = strays, .pulse = pulse, .certain = certain};
   };
   frames = frames.subspan(strays);
-  if (frames.empty()) return all ? std::optional(result(0, false)) : std::nullopt;
+  const bool pulses_seem_late = frames.empty() || is_before_pulse_0(frames.front(), e);
+  if (pulses_seem_late) return all ? std::optional(result(0, false)) : std::nullopt;
 
   const auto counted = by_counter(frames.front(), strays, e);
   const Arrivals arrivals = arrivals_of(frames, e);

@@ -129,9 +129,14 @@ inline constexpr size_t kMaxStartFrames = 24;
 /// If the time of pulse 0 may be early, the counter alone gives the pulse, too, and the result is
 /// certain only if nothing was lost.
 ///
+/// Frames that arrived before pulse 0 are strays. But if the last of them was exposed one to three
+/// periods before the next frame, they are frames of the train, and the times of pulses are late.
+/// Then the result is not certain.
+///
 /// Limits: a missed first trigger is not detected if the latency is unknown, no pulse time is known
 /// or it may be early. Without a pulse time and a counter, a lost first frame is not detected
-/// either. The time of a pulse that another host sensed must be right within 0.1 periods.
+/// either. The time of a pulse that another host sensed may be late by at most 0.1 periods more than
+/// the latency. If more, only a frame that seems to be a stray shows it.
 std::optional<TrainStart> find_start(std::span<const FrameStamp> frames,
                                      const StartEvidence& evidence, bool no_more);
 

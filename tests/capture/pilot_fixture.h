@@ -46,7 +46,7 @@ class CameraSessionTest : public testing::Test {
       const MonotonicInstant at = script_->exposure(reported_pulses_);
       if (at + report_delay_ > script_->now) return;
       session_->pulse_at({.pulse = reported_pulses_,
-                          .at = reports_are_timed_ ? at : script_->now,
+                          .at = reports_are_timed_ ? at + time_error_ : script_->now,
                           .is_timed = reports_are_timed_});
     }
   }
@@ -76,6 +76,7 @@ class CameraSessionTest : public testing::Test {
   bool sensed_ = false;  ///< pulses are reported to the session
   Duration report_delay_{};
   bool reports_are_timed_ = true;
+  Duration time_error_{};  ///< of the reported times
   std::optional<MonotonicInstant> reported_train_;
   int64_t reported_pulses_ = 0;
 };

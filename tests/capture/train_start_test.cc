@@ -146,6 +146,22 @@ TEST(TrainStart, skips_exposures_without_a_pulse) {
   EXPECT_EQ(start->strays, 1U);
 }
 
+TEST(TrainStart, is_not_certain_if_a_frame_before_pulse_0_is_in_step_with_the_next_ones) {
+  StartEvidence evidence = counted();
+  for (const double late : {0.65, 0.9, 1.4, 2.7}) {
+    evidence.edge = PulseEdge{.pulse = 0, .at = at(late)};
+    for (const std::optional<Duration>& latency : {std::optional<Duration>{}, {periods(0.5)}}) {
+      evidence.latency = latency;
+      for (size_t n = 1; n < kStartFrames; ++n) {
+        EXPECT_FALSE(find_start(frames(0, n, 0.5), evidence, false)) << late << " " << n;
+      }
+      const auto start = find_start(frames(0, kStartFrames, 0.5), evidence, false);
+      expect(start, 0, false);
+      EXPECT_EQ(start->strays, 0U) << "they are frames of the train";
+    }
+  }
+}
+
 TEST(TrainStart, is_not_certain_without_a_pulse_time_if_times_contradict_the_counter) {
   StartEvidence evidence = counted();
   evidence.edge.reset();
