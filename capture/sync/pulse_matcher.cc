@@ -31,6 +31,9 @@ PulseMatcher::PulseMatcher(Duration period)
 PulseMatch PulseMatcher::label(const FrameStamp& frame) {
   if (!is_started()) return first(frame);
   const Evidence e = evaluate(frame);
+  if (resumed_ && !resumed_stddev_ && e.clock_pulse > last_pulse_) {
+    resumed_stddev_ = fit_.stddev(e.clock_pulse);
+  }
   if (!is_consistent(e)) return handle_inconsistent(e, frame);
   // The frame is a duplicate or late. Several of them in a row mean that the camera restarted and
   // repeats earlier counter values. So does a jump of the delay after such a frame.
@@ -57,7 +60,12 @@ void PulseMatcher::resume_from(std::span<const KnownFrame> frames) {
 }
 
 void PulseMatcher::expect(int64_t pulse, MonotonicInstant arrival) {
-  arrivals_.begin(pulse, to_ns(arrival));
+  const int64_t at = to_ns(arrival);
+  const double earlier =
+      arrivals_.is_started() ? arrivals_.pulse_at(at) - static_cast<double>(pulse) : 0;
+  if (std::abs(earlier) > kMaxArrivalResidual) contradicted_ = false;
+  is_expected_ = true;
+  arrivals_.begin(pulse, at);
   on_time_frames_ = kConfirmationsOfArrival;
   delay_ = 0;
   steadily_late_ = 0;
@@ -96,7 +104,7 @@ PulseMatch PulseMatcher::accept(int64_t pulse, const FrameStamp& frame) {
 PulseMatch PulseMatcher::handle_inconsistent(const Evidence& e, const FrameStamp& frame) {
   if (reopened_) unreliable_ = true;  // the clock restarted, or may have
   extend_run(e, frame);
-  if (!run_ || !run_is_conclusive(e)) return {most_likely_pulse(e), true};
+  if (!run_ || !run_is_conclusive(e) || clock_contradicts(e)) return {most_likely_pulse(e), true};
   const int64_t pulse = run_->pulse;
   resynchronise(pulse, frame);
   return {pulse, start_uncertain_};
@@ -121,8 +129,12 @@ void PulseMatcher::extend_run(const Evidence& e, const FrameStamp& frame) {
 }
 
 bool PulseMatcher::run_is_conclusive(const Evidence& e) const {
-  if (arrivals_.stddev(run_->pulse) > kMaxArrivalStddev || clock_contradicts(e)) return false;
-  const bool by_clock = !e.off_pulse && run_->pulse == e.clock_pulse;
+  if (arrivals_.stddev(run_->pulse) > kMaxArrivalStddev) return false;
+  // An imprecise clock agrees by chance.
+  const bool by_clock =
+      !e.off_pulse && run_->pulse == e.clock_pulse && fit_.stddev(e.clock_pulse) <= kMaxStddev;
+  // Arrivals of before a restart are known by the wall clock only, which may have been set.
+  if (resumed_ && !is_expected_ && !by_clock) return false;
   // The counter errs by whole pulses, for example after a repeated frame. If the clock gives a
   // pulse that is a little earlier and has no frame, the frames may be late instead of the clock
   // wrong.
@@ -143,10 +155,19 @@ bool PulseMatcher::run_is_conclusive(const Evidence& e) const {
 /// After a restart of this process: the camera's clock most likely kept running if it gives a later
 /// pulse than the last one. If it then clearly contradicts the arrival, the host's clock may have
 /// been set instead.
-bool PulseMatcher::clock_contradicts(const Evidence& e) const {
-  if (!resumed_ || e.by_clock <= static_cast<double>(last_pulse_)) return false;
-  const double apart = std::abs(e.by_clock - static_cast<double>(run_->pulse));
-  return apart > kMaxArrivalResidual + kMaxDeviations * fit_.stddev(e.clock_pulse);
+///
+/// The fit is not updated while frames are suspect, and its standard deviation grows. So the limit
+/// is that of the first frame, and a contradiction is final: otherwise minutes of it would prove
+/// the number by the arrivals.
+bool PulseMatcher::clock_contradicts(const Evidence& e) {
+  if (!resumed_) return false;
+  if (e.by_clock > static_cast<double>(last_pulse_)) {
+    const double limit =
+        kMaxArrivalResidual + kMaxDeviations * resumed_stddev_.value_or(fit_.stddev(e.clock_pulse));
+    contradicted_ =
+        contradicted_ || std::abs(e.by_clock - static_cast<double>(run_->pulse)) > limit;
+  }
+  return contradicted_;
 }
 
 /// Best estimate for a suspect frame: the pulse by clock or by counter, whichever is nearer to the
@@ -172,7 +193,7 @@ void PulseMatcher::resynchronise(int64_t pulse, const FrameStamp& frame) {
   fit_.begin(pulse, to_ns(frame.exposed));
   last_pulse_ = pulse;
   last_counter_ = frame.counter;
-  reopened_ = unreliable_ = resumed_ = false;
+  reopened_ = unreliable_ = resumed_ = contradicted_ = false;
   stragglers_ = 0;
   run_.reset();
 }

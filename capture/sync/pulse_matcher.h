@@ -83,9 +83,9 @@ struct KnownFrame {
 ///   - device time and counter agree as before;
 ///   - frames in a row advance equally by clock, counter and arrival. Then the arrival gives their
 ///     pulse. The second such frame is sufficient if the clock or the counter agrees with the
-///     arrival. The ninth is required if both must have restarted. It is also required if only the
-///     counter agrees, and the clock gives a pulse that is up to ten earlier and has no frame: the
-///     frames may all be late.
+///     arrival. The ninth is required if both must have restarted, or the clock's fit is imprecise
+///     after a long time without frames. It is also required if only the counter agrees, and the
+///     clock gives a pulse that is up to ten earlier and has no frame: the frames may all be late.
 ///
 /// A frame is suspect if
 ///   - the sources disagree as above; its label is the most likely pulse;
@@ -96,8 +96,9 @@ struct KnownFrame {
 /// A matcher that resumes from frames which another process labelled (resume_from) has neither the
 /// frame counter nor the length of the interruption. If the camera's clock and the arrival agree on
 /// the pulse of the next frame, the frame has that pulse. If the clock restarted, the arrival
-/// decides as above. If the clock seems to have kept running and contradicts the arrival, all
-/// frames stay suspect.
+/// decides as above, but only after expect(). If the clock seems to have kept running and
+/// contradicts the arrival, all frames stay suspect, also when the clock's fit is no longer
+/// precise: one of the two is wrong. Only a different expect() starts the comparison again.
 ///
 /// A label that is not suspect is right if all of these are true:
 ///   - The device clock is within 200 ppm of the generator's and drifts by less than 0.1 ppm per
@@ -155,7 +156,7 @@ class PulseMatcher {
   bool is_consistent(const Evidence& e) const;
   PulseMatch accept(int64_t pulse, const FrameStamp& frame);
   PulseMatch handle_inconsistent(const Evidence& e, const FrameStamp& frame);
-  bool clock_contradicts(const Evidence& e) const;
+  bool clock_contradicts(const Evidence& e);
   void extend_run(const Evidence& e, const FrameStamp& frame);
   bool run_is_conclusive(const Evidence& e) const;
   int64_t most_likely_pulse(const Evidence& e) const;
@@ -171,8 +172,12 @@ class PulseMatcher {
   bool start_uncertain_ = false;  ///< all labels may be shifted
   bool reopened_ = false;         ///< reopened and not yet resynchronised
   bool resumed_ = false;          ///< resumed from another process and not yet resynchronised
-  int stragglers_ = 0;            ///< late or duplicate frames in a row
-  bool unreliable_ = false;       ///< clock and counter are not used until resynchronised
+  bool is_expected_ = false;      ///< expect() was called
+  bool contradicted_ = false;     ///< resumed, and the clock has contradicted the arrivals
+  /// Standard deviation of the clock's fit at the first frame after resume_from(), periods.
+  std::optional<double> resumed_stddev_;
+  int stragglers_ = 0;       ///< late or duplicate frames in a row
+  bool unreliable_ = false;  ///< clock and counter are not used until resynchronised
   std::optional<Run> run_;
   int64_t last_pulse_ = 0;     ///< latest pulse that is not suspect; at the start the first pulse
   uint64_t last_counter_ = 0;  ///< of the frame of last_pulse_

@@ -18,9 +18,9 @@ class RejoiningCameraSessionTest : public SensedCameraSessionTest {
  protected:
   static constexpr int64_t kKnown = 60;
 
-  /// Rejoins after `gap` further pulses, and plays 39 periods.
-  void rejoin_after(int64_t gap) {
-    script_->start_train(kKnown + gap + 40);
+  /// Rejoins after `gap` further pulses, and plays 39 periods, or as many as requested.
+  void rejoin_after(int64_t gap, int64_t played = 39) {
+    script_->start_train(kKnown + gap + played + 1);
     for (int64_t pulse = 0; pulse < kKnown; ++pulse) {
       const DeviceInstant exposed = from_ns<DeviceClock>(
           (script_->exposure(pulse).time_since_epoch() + script_->device_zero).count());
@@ -29,15 +29,15 @@ class RejoiningCameraSessionTest : public SensedCameraSessionTest {
            pulse});
     }
     past_.delivered = kKnown;
-    if (!latency_is_unknown_) past_.latency = Script::kLatency;
+    if (!latency_is_unknown_) past_.latency = Script::kLatency + latency_error_;
     if (state_is_empty_) past_ = {};
     script_->now = script_->exposure(kKnown + gap) - milliseconds(1);
     script_->device_zero += clock_jumps_;
     reported_train_ = script_->train;
     reported_pulses_ = kKnown + gap;
     session_->rejoin(Script::kPeriod, sensed_, past_);
-    play(39 * Script::kPeriod);
-    EXPECT_GE(frames_.size(), 35U);
+    play(played * Script::kPeriod);
+    EXPECT_GE(std::ssize(frames_), played - 4);
     EXPECT_EQ(mislabelled_without_suspicion(), 0);
   }
   int mislabelled_without_suspicion() const {
@@ -51,6 +51,7 @@ class RejoiningCameraSessionTest : public SensedCameraSessionTest {
 
   CameraResumeState past_;
   Duration latency_ = Script::kLatency;
+  Duration latency_error_{};  ///< of the latency that is passed to rejoin()
   Duration clock_jumps_{};
   bool latency_is_unknown_ = false;
   bool state_is_empty_ = false;
@@ -106,6 +107,41 @@ TEST_F(RejoiningCameraSessionTest, accepts_a_restarted_camera_clock_after_enough
 TEST_F(RejoiningCameraSessionTest,
        suspects_all_frames_if_a_running_clock_contradicts_the_arrivals) {
   clock_jumps_ = 3 * Script::kPeriod;
+  rejoin_after(100);
+  EXPECT_EQ(suspect(), std::ssize(frames_));
+}
+
+/// The fit of the camera's clock is not updated meanwhile, so its standard deviation grows.
+TEST_F(RejoiningCameraSessionTest,
+       suspects_all_frames_of_many_minutes_if_a_running_clock_contradicts_the_arrivals) {
+  for (const int periods : {-2, -1, 1, 2}) {
+    session_->close();
+    frames_.clear();
+    past_ = {};
+    latency_error_ = periods * Script::kPeriod;
+    rejoin_after(300, 12'000);
+    EXPECT_EQ(suspect(), std::ssize(frames_)) << periods;
+  }
+}
+
+TEST_F(RejoiningCameraSessionTest, labels_frames_correctly_again_after_wrong_times_of_pulses) {
+  time_error_ = 3 * Script::kPeriod;
+  rejoin_after(750, 400);
+  EXPECT_EQ(suspect(), std::ssize(frames_));
+  time_error_ = {};
+  script_->pulses += 40;
+  play(40 * Script::kPeriod);
+  EXPECT_FALSE(frames_.back().label.suspect);
+  EXPECT_EQ(mislabelled_without_suspicion(), 0);
+}
+
+/// Arrivals of before the restart are known by the wall clock only, which was set.
+TEST_F(RejoiningCameraSessionTest,
+       suspects_all_frames_of_a_restarted_camera_clock_without_a_sense_line) {
+  sensed_ = false;
+  latency_is_unknown_ = true;
+  clock_jumps_ = -std::chrono::hours(3);
+  latency_ = Script::kLatency + 2 * Script::kPeriod;
   rejoin_after(100);
   EXPECT_EQ(suspect(), std::ssize(frames_));
 }

@@ -249,5 +249,76 @@ RC_GTEST_PROP(PulseMatcher, follows_a_clock_that_warms_up, ()) {
   }
 }
 
+/// A camera whose frames another process has labelled, before an interruption.
+class ReturnedCamera {
+ public:
+  ReturnedCamera(unsigned seed, double ppm) : random_(seed), ppm_(ppm) {
+    for (int64_t pulse = 0; pulse < kKnown; ++pulse) known_.push_back({stamp(pulse), pulse});
+  }
+  /// A matcher that resumes from the labelled frames.
+  PulseMatcher matcher() const {
+    PulseMatcher matcher(kPeriod);
+    matcher.resume_from(known_);
+    return matcher;
+  }
+  FrameStamp stamp(int64_t pulse) {
+    FrameStamp seen = frame(static_cast<double>(pulse), static_cast<uint64_t>(pulse));
+    seen.exposed = at(static_cast<double>(pulse) + 0.1 * unit_(random_), ppm_);
+    seen.received += Duration(std::llround(0.1 * (1 + unit_(random_)) * 40e6));
+    return seen;
+  }
+  static constexpr int64_t kKnown = 256;
+
+ private:
+  std::mt19937 random_;
+  std::uniform_real_distribution<double> unit_{-1, 1};
+  double ppm_;
+  std::vector<KnownFrame> known_;
+};
+
+/// The expected arrivals are wrong by half a period or more, as with a wrong latency.
+RC_GTEST_PROP(PulseMatcher, stays_suspect_while_a_running_clock_contradicts_the_expected_arrivals,
+              ()) {
+  ReturnedCamera camera(*rc::gen::arbitrary<unsigned>(), *rc::gen::inRange(-100, 101));
+  PulseMatcher matcher = camera.matcher();
+  const double error = *rc::gen::inRange(50, 2500) * 0.01 * *rc::gen::elementOf(std::vector{-1, 1});
+  const int64_t back = ReturnedCamera::kKnown + *rc::gen::inRange(1, 1500);
+  for (int64_t pulse = back; pulse < back + 12'000; ++pulse) {
+    matcher.expect(pulse, frame(static_cast<double>(pulse), 0, error).received);
+    const PulseMatch match = matcher.label(camera.stamp(pulse));
+    const bool is_wrong = !match.suspect && match.pulse != pulse;
+    RC_ASSERT_FALSE(is_wrong);
+  }
+}
+
+/// The first frames are late by one period, and the clock's fit is so imprecise that it may agree.
+RC_GTEST_PROP(PulseMatcher, needs_nine_frames_if_the_clock_is_imprecise_after_a_return, ()) {
+  ReturnedCamera camera(*rc::gen::arbitrary<unsigned>(), *rc::gen::inRange(-100, 101));
+  PulseMatcher matcher = camera.matcher();
+  const int64_t back = ReturnedCamera::kKnown + *rc::gen::inRange(20'000, 100'000);
+  for (int64_t pulse = back; pulse < back + 50; ++pulse) {
+    matcher.expect(pulse, frame(static_cast<double>(pulse), 0, 0.05).received);
+    FrameStamp seen = camera.stamp(pulse);
+    if (pulse < back + 8) seen.received += kPeriod;
+    const PulseMatch match = matcher.label(seen);
+    const bool is_wrong = !match.suspect && match.pulse != pulse;
+    RC_ASSERT_FALSE(is_wrong);
+  }
+}
+
+RC_GTEST_PROP(PulseMatcher, is_certain_after_a_return_with_the_right_latency, ()) {
+  ReturnedCamera camera(*rc::gen::arbitrary<unsigned>(), *rc::gen::inRange(-100, 101));
+  PulseMatcher matcher = camera.matcher();
+  const int64_t back = ReturnedCamera::kKnown + *rc::gen::inRange(1, 100'000);
+  for (int64_t pulse = back; pulse < back + 100; ++pulse) {
+    if (matcher.is_resuming()) {
+      matcher.expect(pulse, frame(static_cast<double>(pulse), 0, 0.05).received);
+    }
+    const PulseMatch match = matcher.label(camera.stamp(pulse));
+    const bool is_right = match.suspect ? pulse < back + 9 : match.pulse == pulse;
+    RC_ASSERT(is_right);
+  }
+}
+
 }  // namespace
 }  // namespace v3d::capture
