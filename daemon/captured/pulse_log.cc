@@ -33,18 +33,20 @@ void PulseLog::close() {
   if (!synced_) spdlog::error("{}", synced_.error().message);
 }
 
-void PulseLog::write(const wire::PulseMessage& pulse) { queue_.push(pulse); }
+void PulseLog::write(const wire::PulseMessage& pulse, std::optional<RealtimeInstant> edge_here) {
+  queue_.push({pulse, edge_here});
+}
 
 void PulseLog::run() {
   for (;;) {
     const bool is_last_iteration = stopping_;
-    const auto pulse =
+    const auto next =
         queue_.pop(is_last_iteration ? Monotonic::now() : Monotonic::now() + kPollInterval);
-    if (pulse) {
-      const io::Status written = log_.write(*pulse);
+    if (next) {
+      const io::Status written = log_.write(next->pulse, next->edge_here);
       if (!written && ++failed_ == 1) spdlog::error("{}", written.error().message);
     }
-    if (!pulse && is_last_iteration) return;
+    if (!next && is_last_iteration) return;
   }
 }
 

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <thread>
 #include <utility>
@@ -33,8 +34,8 @@ class PulseLog {
   PulseLog& operator=(const PulseLog&) = delete;
 
   /// Queues the pulse and returns at once. When 4,096 pulses are queued, the oldest is dropped and
-  /// counted as lost.
-  void write(const wire::PulseMessage& pulse);
+  /// counted as lost. `edge_here`: see EventLogWriter::write().
+  void write(const wire::PulseMessage& pulse, std::optional<RealtimeInstant> edge_here = {});
   /// Writes the queued pulses, flushes to disk and stops the thread. Idempotent.
   void close();
   /// Pulses that could not be written, or were dropped from the queue. Final after close(). The
@@ -44,10 +45,14 @@ class PulseLog {
   const io::Status& synced() const { return synced_; }
 
  private:
+  struct Entry {
+    wire::PulseMessage pulse;
+    std::optional<RealtimeInstant> edge_here{};
+  };
   void run();
 
   take::EventLogWriter log_;
-  bus::BoundedQueue<wire::PulseMessage> queue_;
+  bus::BoundedQueue<Entry> queue_;
   std::atomic<int64_t> failed_ = 0;
   io::Status synced_;
   std::atomic<bool> stopping_ = false;

@@ -113,8 +113,10 @@ void PulseRecorder::resend_last() {
   bus_.publish_authenticated(wire::kPulseChannel, last_message_);
 }
 
-void PulseRecorder::record(const wire::PulseMessage& pulse) {
-  if (log_) log_->write(pulse);
+void PulseRecorder::record(const LocalPulse& pulse) {
+  std::optional<RealtimeInstant> edge_here;
+  if (pulse.local_edge.is_timed) edge_here = to_realtime(pulse.local_edge.at);
+  if (log_) log_->write(pulse, edge_here);
   if (sensor_ != nullptr) {
     last_message_ = encode(pulse);
     bus_.publish_authenticated(wire::kPulseChannel, last_message_);

@@ -92,7 +92,7 @@ class PulseRecorder {
   std::optional<LocalPulse> next();
   std::optional<LocalPulse> sense();
   std::optional<LocalPulse> receive();
-  void record(const wire::PulseMessage& pulse);
+  void record(const LocalPulse& pulse);
   void resend_last();
 
   trigger::PulseSensor* const sensor_;

@@ -1,17 +1,21 @@
 #include "daemon/captured/resume_state.h"
 
 #include <algorithm>
+#include <limits>
 
 #include "base/core/error.h"
 #include "capture/sync/pulse_times.h"
+#include "take/logs/event_log.h"
 #include "take/logs/log_files.h"
+#include "wire/codec.h"
+#include "wire/messages.h"
 
 namespace v3d::captured {
 namespace {
 
 /// Frames from which clock and latency of the camera are estimated; more would not improve them.
 constexpr size_t kLastFrames = 256;
-/// A larger latency means that the clocks of this host and the trigger's host differ.
+/// A larger latency means that the clock was set while the pulses were recorded.
 constexpr Duration kMaxLatency = std::chrono::seconds(1);
 
 /// Adds to `problems` why frames of the log may be absent.
@@ -54,31 +58,56 @@ std::vector<capture::KnownFrame> known_frames(const std::vector<FrameLabel>& lab
   return frames;
 }
 
+/// The lower quartile: late frames do not change it, nor do a few pulses that were timed late.
 std::optional<Duration> latency_of(const std::vector<FrameLabel>& labels, const EdgeTimes& edges) {
   std::vector<Duration> latencies;
   for (const FrameLabel& label : labels) {
     const auto edge = edges.find(label.pulse);
-    if (edge != edges.end()) latencies.push_back(label.received - edge->second);
+    if (edge != edges.end() && edge->second) latencies.push_back(label.received - *edge->second);
   }
   if (latencies.size() < capture::kStartFrames) return std::nullopt;
-  const Duration shortest = *std::min_element(latencies.begin(), latencies.end());
-  if (shortest < Duration::zero() || shortest > kMaxLatency) return std::nullopt;
-  return shortest;
+  const auto quartile = latencies.begin() + std::ssize(latencies) / 4;
+  std::nth_element(latencies.begin(), quartile, latencies.end());
+  if (*quartile < Duration::zero() || *quartile > kMaxLatency) return std::nullopt;
+  return *quartile;
+}
+
+/// The time of a pulse on the clock of this node. A time of the event that is the time of sending
+/// is that of another clock, and a damaged one has any value.
+std::optional<RealtimeInstant> time_here(const take::EventSpan& event,
+                                         const wire::PulseMessage& pulse) {
+  constexpr int64_t kNsPerUs = 1000;
+  const bool is_known = event.utime > 0 &&
+                        event.utime <= std::numeric_limits<int64_t>::max() / kNsPerUs &&
+                        event.utime != to_ns(pulse.sent) / kNsPerUs;
+  return is_known ? std::optional(from_ns<Realtime>(event.utime * kNsPerUs)) : std::nullopt;
+}
+
+EdgeTimes edges_of(const take::EventLogReader& log, const take::ReadProgress& progress) {
+  if (!log.read_errors().empty()) throw InputError(log.read_errors().front());
+  EdgeTimes edges;
+  for (const take::EventSpan& event : log.events()) {
+    if (event.data_size > take::kMaxPulseBytes) continue;
+    const auto bytes = log.read(event);
+    if (!bytes) throw InputError(bytes.error().message);
+    if (progress) progress();
+    const auto pulse = wire::decode<wire::PulseMessage>(*bytes);
+    if (pulse) edges[pulse->pulse] = time_here(event, *pulse);
+  }
+  return edges;
 }
 
 }  // namespace
 
 EdgeTimes read_edge_times(const take::TakePaths& take, std::vector<std::string>& problems,
                           const take::ReadProgress& progress) {
-  EdgeTimes edges;
-  if (take::is_absent_log(take.pulses())) return edges;
+  if (take::is_absent_log(take.pulses())) return {};
   try {
-    for (const wire::PulseMessage& pulse : take::read_pulses(take.pulses(), progress))
-      edges[pulse.pulse] = pulse.edge;
+    return edges_of(take::EventLogReader(take.pulses(), progress), progress);
   } catch (const InputError& error) {
     problems.emplace_back(error.what());
+    return {};
   }
-  return edges;
 }
 
 ResumeState read_resume_state(const take::TakePaths& take, const std::string& camera,

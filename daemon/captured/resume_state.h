@@ -15,8 +15,10 @@
 
 namespace v3d::captured {
 
-/// Times of pulses by pulse number, by the realtime clock of the trigger's node.
-using EdgeTimes = std::map<int64_t, RealtimeInstant>;
+/// Times of pulses by pulse number, by the realtime clock of this node when they were recorded. So
+/// the clocks of other nodes do not matter, nor whether this clock was set since. Empty where the
+/// time was unknown, or a version of before recorded the pulse.
+using EdgeTimes = std::map<int64_t, std::optional<RealtimeInstant>>;
 
 /// The pulses in the take's pulse log. Where the log cannot be read, there are none, and the cause
 /// is added to `problems`.

@@ -193,8 +193,9 @@ io::Status EventLogWriter::write(const wire::FrameMessage& message) {
   return impl_->write(wire::frame_channel(message.frame.camera), message.sent, encode_head(message),
                       message.frame.image.bytes);
 }
-io::Status EventLogWriter::write(const wire::PulseMessage& message) {
-  return impl_->write(wire::kPulseChannel, message.sent, encode(message));
+io::Status EventLogWriter::write(const wire::PulseMessage& message,
+                                 std::optional<RealtimeInstant> edge_here) {
+  return impl_->write(wire::kPulseChannel, edge_here.value_or(message.sent), encode(message));
 }
 int64_t EventLogWriter::bytes() const { return impl_->bytes(); }
 const std::filesystem::path& EventLogWriter::path() const { return impl_->path(); }

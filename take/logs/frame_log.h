@@ -47,7 +47,10 @@ class EventLogWriter {
   /// Appends one event. Fails when the disk reports an error: the event is then not in the log, but
   /// a later one may succeed. After the disk lost bytes that it had accepted, every call fails.
   [[nodiscard]] io::Status write(const wire::FrameMessage& message);
-  [[nodiscard]] io::Status write(const wire::PulseMessage& message);
+  /// `edge_here`: time of the pulse on this PC's CLOCK_REALTIME, which is then the time of the
+  /// event (EventSpan::utime); else that is the time of sending.
+  [[nodiscard]] io::Status write(const wire::PulseMessage& message,
+                                 std::optional<RealtimeInstant> edge_here = {});
   int64_t bytes() const;                      ///< length of this segment
   const std::filesystem::path& path() const;  ///< path of this segment
   /// Name, length and checksum of this segment, and its root with LogHashing::kTree. Computed from

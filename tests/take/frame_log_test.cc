@@ -412,5 +412,20 @@ TEST(PulseLog, returns_every_pulse_in_order) {
   EXPECT_EQ(to_ns(pulses[4].edge), 160'000'012);
 }
 
+TEST(PulseLog, has_the_time_of_a_pulse_on_this_pc_as_the_time_of_its_event) {
+  const TemporaryFolder folder;
+  wire::PulseMessage pulse;
+  pulse.sent = from_ns<Realtime>(7'000'000);
+  {
+    EventLogWriter writer(folder / "pulses.lcmlog");
+    EXPECT_TRUE(writer.write(pulse));
+    EXPECT_TRUE(writer.write(pulse, from_ns<Realtime>(9'000'000)));
+  }
+  const EventLogReader log(folder / "pulses.lcmlog");
+  ASSERT_EQ(log.events().size(), 2U);
+  EXPECT_EQ(log.events()[0].utime, 7'000) << "of the sending";
+  EXPECT_EQ(log.events()[1].utime, 9'000);
+}
+
 }  // namespace
 }  // namespace v3d::take

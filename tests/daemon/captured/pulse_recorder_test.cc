@@ -9,6 +9,9 @@
 #include <thread>
 
 #include "support/child_process.h"
+#include "support/temporary_folder.h"
+#include "take/logs/event_log.h"
+#include "take/logs/frame_log.h"
 #include "wire/messages.h"
 
 namespace v3d::captured {
@@ -84,6 +87,29 @@ TEST_F(RecorderOfThreePulses, counts_pulses_before_the_start_of_the_train_as_ext
   EXPECT_EQ(ledger.extra, 2);
   EXPECT_EQ(ledger.sensed, 3);
   recorder_->close();
+}
+
+TEST(PulseRecorder, logs_the_time_of_each_pulse_on_the_clock_of_this_pc) {
+  const test::TemporaryFolder folder;
+  bus::Bus bus(kUrl);
+  ThreePulses sensor;
+  PulseRecorder recorder(&sensor, bus,
+                         {.take = "kendo-07",
+                          .train = {.rate_hz = 25, .width = kPeriod / 8, .count = 3},
+                          .log = folder / "pulses.lcmlog",
+                          .on_edge = [](const capture::PulseEdge&) {}});
+  recorder.start(sensor.first_pulse());
+  sensor.start();
+  ASSERT_TRUE(test::becomes_true([&] { return recorder.seen() == 3; }, test::within(30)));
+  recorder.close();
+  const take::EventLogReader log(folder / "pulses.lcmlog");
+  const auto pulses = take::read_pulses(log);
+  ASSERT_EQ(pulses.size(), 3U);
+  for (size_t i = 0; i < pulses.size(); ++i) {
+    EXPECT_NE(log.events()[i].utime, to_ns(pulses[i].sent) / 1000);
+    EXPECT_LE(std::abs(log.events()[i].utime - to_ns(pulses[i].edge) / 1000), 50'000)
+        << "the wall clock may be corrected meanwhile";
+  }
 }
 
 /// A pulse, the message about it, and its reception on another PC.
