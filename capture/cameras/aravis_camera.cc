@@ -315,6 +315,12 @@ std::optional<CameraFrame> AravisCamera::wait(MonotonicInstant deadline) {
 
 CameraDevice AravisCamera::device() const { return link_ ? link_->device() : CameraDevice(); }
 
+/// GigE Vision numbers the blocks of a stream from 1, USB3 Vision from 0.
+std::optional<uint64_t> AravisCamera::first_counter() const {
+  if (!link_) return std::nullopt;
+  return FrameCounter().unwrap(ARV_IS_GV_STREAM(link_->stream()) ? 1 : 0);
+}
+
 std::vector<SettingDifference> AravisCamera::differences() const {
   return link_ ? link_->differences() : std::vector<SettingDifference>();
 }

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -70,6 +71,7 @@ class AravisCamera : public Camera {
   ImageSize size() const override { return size_; }
   PixelFormat format() const override { return settings_.pixel_format.image; }
   CameraDevice device() const override;
+  std::optional<uint64_t> first_counter() const override;
   std::vector<SettingDifference> differences() const override;
 
  private:

@@ -90,6 +90,9 @@ class Camera {
     (void)period;
     return true;
   }
+  /// Counter of the first exposure after start(), where the camera itself counts exposures and
+  /// always starts at this value. Requires start().
+  virtual std::optional<uint64_t> first_counter() const { return std::nullopt; }
   /// The settings whose value differs from that asked for at start(). Requires start().
   virtual std::vector<SettingDifference> differences() const { return {}; }
 };

@@ -164,6 +164,7 @@ void CameraSession::close() {
   camera_.reset();
   last_counter_.reset();
   start_.counter_of_pulse_0.reset();
+  start_.first_counter.reset();
 }
 
 void CameraSession::check_quiet() {
@@ -172,7 +173,12 @@ void CameraSession::check_quiet() {
   missing_ = false;
   text_.clear();
   const int64_t damaged = camera_->statistics().damaged;
-  if (last_counter_) start_.counter_of_pulse_0 = *last_counter_ + 1 + (damaged - damaged_at_last_);
+  const auto new_damaged = static_cast<uint64_t>(damaged - damaged_at_last_);
+  if (last_counter_) {
+    start_.counter_of_pulse_0 = *last_counter_ + 1 + new_damaged;
+  } else if (const auto first = camera_->first_counter()) {
+    start_.first_counter = *first + new_damaged;
+  }
   damaged_at_last_ = damaged;
 }
 
@@ -273,6 +279,7 @@ void CameraSession::deliver_held(size_t strays) {
 void CameraSession::set_aside(size_t count) {
   for (; count > 0; --count) {
     if (start_.counter_of_pulse_0) start_.counter_of_pulse_0 = held_.front().counter + 1;
+    if (start_.first_counter) start_.first_counter = held_.front().counter + 1;
     strays_.push_back(std::move(held_.front()));
     held_.pop_front();
     if (strays_.size() > kStartFrames) strays_.pop_front();

@@ -101,8 +101,10 @@ namespace {
 
 /// Maximum number of exposures lost before the first frame. Larger counter differences are invalid.
 constexpr int64_t kMaxLost = 1000;
-constexpr double kEdgeError = 0.1;         ///< periods
-constexpr double kMaxArrivalDelay = 0.4;   ///< periods; delay of a frame that counts as on time
+constexpr double kEdgeError = 0.1;        ///< periods
+constexpr double kMaxArrivalDelay = 0.4;  ///< periods; delay of a frame that counts as on time
+/// Periods. With a longer arrival of the first frame, the camera more probably missed triggers.
+constexpr int64_t kMaxUnknownLatency = 2;
 constexpr double kMaxStepDeviation = 0.2;  ///< periods between two frames of a train
 constexpr int64_t kMaxStepsFromStray = 3;  ///< periods; frames between them may be lost
 
@@ -159,11 +161,27 @@ Arrivals arrivals_of(std::span<const FrameStamp> frames, const StartEvidence& e)
   return {.earliest = earliest, .steady = static_cast<size_t>(on_time_frames) > kStartFrames / 2};
 }
 
+/// Number of exposures from one value of the counter to another. Empty if it is not plausible.
+std::optional<int64_t> exposures_between(uint64_t from, uint64_t to) {
+  const auto count = static_cast<int64_t>(to - from);
+  return count >= 0 && count <= kMaxLost ? std::optional(count) : std::nullopt;
+}
+
+/// Number of exposures without a frame since the camera was opened. Empty if it is not known.
+std::optional<int64_t> lost_since_opened(const FrameStamp& first, size_t strays,
+                                         const StartEvidence& e) {
+  if (!e.first_counter) return std::nullopt;
+  return exposures_between(*e.first_counter + strays, first.counter);
+}
+
 /// The pulse of the first frame by the counter. Empty if the counter gives none.
 std::optional<int64_t> by_counter(const FrameStamp& first, size_t strays, const StartEvidence& e) {
-  if (!e.counter_of_pulse_0) return e.damaged > 0 ? std::optional(e.damaged) : std::nullopt;
-  const auto lost = static_cast<int64_t>(first.counter - *e.counter_of_pulse_0 - strays);
-  return lost >= 0 && lost <= kMaxLost ? std::optional(lost) : std::nullopt;
+  if (e.counter_of_pulse_0) {
+    return exposures_between(*e.counter_of_pulse_0 + strays, first.counter);
+  }
+  const auto lost = lost_since_opened(first, strays, e);
+  const bool others_are_lost = lost && *lost != e.damaged;
+  return e.damaged > 0 && !others_are_lost ? std::optional(e.damaged) : std::nullopt;
 }
 
 /// Whether as many periods as exposures lie between the first and the last frame. If not, the first
@@ -176,7 +194,8 @@ bool counter_agrees_with_times(std::span<const FrameStamp> frames, const StartEv
 
 /// Result if the time of no pulse is known.
 TrainStart start_by_counter(std::span<const FrameStamp> frames, const StartEvidence& e) {
-  const auto counted = by_counter(frames.front(), 0, e);
+  auto counted = by_counter(frames.front(), 0, e);
+  if (!counted) counted = lost_since_opened(frames.front(), 0, e);
   const bool certain = counted ? *counted == e.damaged : !e.counter_of_pulse_0;
   return {.pulse = counted.value_or(0), .certain = certain && counter_agrees_with_times(frames, e)};
 }
@@ -207,6 +226,10 @@ std::optional<TrainStart> find_start(std::span<const FrameStamp> frames, const S
   if (latest <= 0) return result(0, true);
   if (!e.latency || e.edge->may_be_early) {
     if (counted == e.damaged && *counted <= latest) return result(*counted, true);
+    const bool is_plausible = e.damaged <= latest && latest - e.damaged <= kMaxUnknownLatency;
+    if (is_plausible && lost_since_opened(frames.front(), strays, e) == e.damaged) {
+      return result(e.damaged, true);
+    }
     if (!all) return std::nullopt;
     return result(std::min(counted.value_or(latest), latest), false);
   }

@@ -94,6 +94,9 @@ struct StartEvidence {
   std::optional<PulseEdge> edge{};
   /// Counter of the last exposure before the silent interval, plus 1.
   std::optional<uint64_t> counter_of_pulse_0{};
+  /// Counter of the first exposure, if the camera has sent no frame since it was opened and starts
+  /// to count at a known value (Camera::first_counter()).
+  std::optional<uint64_t> first_counter{};
   /// Number of damaged frames before the first complete one.
   int64_t damaged = 0;
   /// Minimum time from a pulse to the arrival of its frame in previous trains of this camera.
@@ -126,6 +129,8 @@ inline constexpr size_t kMaxStartFrames = 24;
 /// or the counter is unknown, most of kStartFrames frames must be as early as the earliest. If the
 /// sources disagree, the result is not certain. If the time of no pulse is known, the counter alone
 /// gives the pulse, and the result is certain only if the device times of the frames agree with it.
+/// If latency and counter_of_pulse_0 are unknown, first_counter shows that no exposure was lost. If
+/// no pulse time is known, it also shows that some were.
 /// If the time of pulse 0 may be early, the counter alone gives the pulse, too, and the result is
 /// certain only if nothing was lost.
 ///

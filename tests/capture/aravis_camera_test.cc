@@ -115,6 +115,14 @@ TEST(AravisCamera, starts_again_after_a_stop) {
   }
 }
 
+TEST(AravisCamera, numbers_the_blocks_of_gige_vision_from_1) {
+  const FakeCamera fake;
+  AravisCamera camera(settings());
+  EXPECT_EQ(camera.first_counter(), std::nullopt) << "not started";
+  camera.start();
+  EXPECT_EQ(camera.first_counter(), FrameCounter().unwrap(1));
+}
+
 TEST(AravisCamera, names_the_camera_and_the_rejected_setting) {
   const FakeCamera fake;
   StudioCamera wanted = settings();

@@ -1,4 +1,4 @@
-// CameraSession with pulses whose times are wrong.
+// CameraSession in the first train after a start: long latencies, and pulses with wrong times.
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
@@ -21,6 +21,68 @@ class StartingCameraSessionTest : public SensedCameraSessionTest {
     });
   }
 };
+
+/// At 125 Hz frames arrive 9 ms after their pulse, later than the next one.
+class FastCameraSessionTest : public StartingCameraSessionTest {
+ protected:
+  FastCameraSessionTest() { script_->period = milliseconds(8); }
+};
+
+TEST_F(FastCameraSessionTest,
+       is_certain_of_the_very_first_train_if_the_camera_counts_from_a_known_value) {
+  script_->first_counter = script_->counter;
+  train(20);
+  ASSERT_EQ(frames_.size(), 20U);
+  EXPECT_EQ(mislabelled(), 0);
+  EXPECT_EQ(session_->status().suspect, 0);
+  train(20);
+  EXPECT_EQ(mislabelled(), 0);
+  EXPECT_EQ(session_->status().suspect, 0);
+}
+
+TEST_F(FastCameraSessionTest, counts_damaged_frames_of_the_very_first_train) {
+  script_->first_counter = script_->counter;
+  script_->damaged = {0, 1};
+  train(20);
+  ASSERT_EQ(frames_.size(), 18U);
+  EXPECT_EQ(mislabelled(), 0);
+  EXPECT_EQ(session_->status().suspect, 0);
+}
+
+TEST_F(FastCameraSessionTest,
+       suspects_the_very_first_train_if_the_camera_counts_from_another_value) {
+  for (const int64_t other : {-1, 1}) {
+    session_->close();
+    script_->first_counter = script_->counter + static_cast<uint64_t>(other);
+    train(20);
+    EXPECT_EQ(session_->status().suspect, std::ssize(frames_)) << other;
+  }
+}
+
+TEST_F(FastCameraSessionTest, suspects_the_very_first_train_if_its_first_frame_vanishes) {
+  script_->first_counter = script_->counter;
+  script_->vanished = {0};
+  train(20);
+  EXPECT_EQ(frames_.size(), 19U);
+  EXPECT_EQ(session_->status().suspect, 19);
+}
+
+/// It counts from the known value, too, but from a pulse within the train.
+TEST_F(FastCameraSessionTest,
+       does_not_number_from_zero_if_the_camera_is_opened_again_in_the_train) {
+  script_->first_counter = script_->counter;
+  make_ready();
+  frames_.clear();
+  script_->silent = true;
+  script_->start_train(400);
+  play(milliseconds(1500));
+  script_->counter = *script_->first_counter;
+  script_->silent = false;
+  play(milliseconds(1500));
+  EXPECT_GE(script_->opened, 2);
+  EXPECT_GT(frames_.size(), 20U);
+  EXPECT_EQ(wrong_and_certain(), 0);
+}
 
 TEST_F(StartingCameraSessionTest,
        suspects_a_train_whose_pulses_seem_to_be_later_than_their_frames) {

@@ -39,6 +39,7 @@ struct Script {
   std::set<int64_t> damaged;                     ///< pulses whose frames arrive damaged
   std::set<int64_t> vanished;                    ///< pulses whose frames are lost without a count
   std::set<int64_t> missed;                      ///< pulses that the camera does not detect
+  std::optional<uint64_t> first_counter;         ///< Camera::first_counter()
   Duration shortest_period{};                    ///< for which it need not be started again
   Duration first_is_late{};                      ///< extra delay of the first frame after start()
   int opened = 0;                                ///< number of successful start() calls
@@ -62,6 +63,7 @@ class ScriptedCamera : public Camera {
   }
   void stop() override {}
   bool keeps_up_with(Duration period) const override { return period >= script_->shortest_period; }
+  std::optional<uint64_t> first_counter() const override { return script_->first_counter; }
 
   std::optional<CameraFrame> wait(MonotonicInstant deadline) override {
     Script& s = *script_;

@@ -162,6 +162,43 @@ TEST(TrainStart, is_not_certain_if_a_frame_before_pulse_0_is_in_step_with_the_ne
   }
 }
 
+TEST(TrainStart, is_certain_if_a_camera_with_a_long_latency_counts_from_its_first_value) {
+  StartEvidence evidence = sensed();
+  evidence.first_counter = kCounter;
+  for (const double latency : {0.95, 1.4, 2.8}) {
+    expect(find_start(frames(0, 1, latency), evidence, false), 0, true);
+  }
+  EXPECT_FALSE(find_start(frames(1, kStartFrames - 1, 1.2), evidence, false));
+  expect(find_start(frames(1, kStartFrames, 1.2), evidence, false), 2, false);
+  evidence.damaged = 1;
+  expect(find_start(frames(1, 1, 1.2), evidence, false), 1, true);
+  expect(find_start(frames(2, kStartFrames, 1.2), evidence, false), 3, false);
+}
+
+TEST(TrainStart, is_not_certain_if_a_camera_counts_from_its_first_value_many_pulses_late) {
+  StartEvidence evidence = sensed();
+  evidence.first_counter = kCounter + 20;
+  expect(find_start(frames(20, kStartFrames, 0.4), evidence, false), 20, false);
+}
+
+TEST(TrainStart, is_not_certain_without_a_pulse_time_if_exposures_since_the_first_were_lost) {
+  StartEvidence evidence;
+  evidence.period = kPeriod;
+  evidence.first_counter = kCounter;
+  expect(find_start(frames(0, kStartFrames, 0.4), evidence, false), 0, true);
+  expect(find_start(frames(1, kStartFrames, 0.4), evidence, false), 1, false);
+  evidence.first_counter = kCounter - 65'000;
+  expect(find_start(frames(0, kStartFrames, 0.4), evidence, false), 0,
+         true);  // it counts otherwise
+}
+
+TEST(TrainStart, does_not_use_the_first_value_of_a_counter_against_a_known_latency) {
+  StartEvidence evidence = known(0.4);
+  evidence.counter_of_pulse_0.reset();
+  evidence.first_counter = kCounter + 30;
+  expect(find_start(frames(30, kStartFrames, 0.4), evidence, false), 30, true);
+}
+
 TEST(TrainStart, is_not_certain_without_a_pulse_time_if_times_contradict_the_counter) {
   StartEvidence evidence = counted();
   evidence.edge.reset();
@@ -215,7 +252,11 @@ struct RandomStart {
     int64_t lost = chance(0.3) ? static_cast<int64_t>(uniform(1, 4)) : 0;
     const bool missed = chance(0.1);
     const uint64_t before = chance(0.2) ? 1 : 0;  // frames lost at the end of the previous train
-    if (!chance(0.2)) evidence.counter_of_pulse_0 = kCounter - before;
+    if (!chance(0.2)) {
+      evidence.counter_of_pulse_0 = kCounter - before;
+    } else if (chance(0.5)) {
+      evidence.first_counter = kCounter;
+    }
     if (!chance(0.2)) evidence.latency = periods(latency + uniform(0, 0.2));
     // Excludes the case that pulse_times.h lists as a limit.
     if (missed && !evidence.latency && latency > 0) lost = 0;
