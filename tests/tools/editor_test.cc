@@ -141,8 +141,7 @@ TEST_F(EditorTest, shows_another_performer_with_its_prop_in_the_action) {
     add_prop(other);
     return other;
   });
-  editor.apply(
-      Edit{"edit.json: operations[0]", SwapEdit{.take = folder_ / "other", .frame = 2}});
+  editor.apply(Edit{"edit.json: operations[0]", SwapEdit{.take = folder_ / "other", .frame = 2}});
   EXPECT_EQ(edited_.clip.frames.size(), size_t{test::kGlidingPulses});
   EXPECT_TRUE(edited_.has_prop);
   EXPECT_NEAR(edited_.lengths.bones().back().metres, kPropM, 1e-9);
