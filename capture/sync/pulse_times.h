@@ -140,8 +140,8 @@ inline constexpr size_t kMaxStartFrames = 24;
 ///
 /// Limits: a missed first trigger is not detected if the latency is unknown, no pulse time is known
 /// or it may be early. Without a pulse time and a counter, a lost first frame is not detected
-/// either. The time of a pulse that another host sensed may be late by at most 0.1 periods more than
-/// the latency. If more, only a frame that seems to be a stray shows it.
+/// either. The time of a pulse that another host sensed may be late by at most 0.1 periods more
+/// than the latency. If more, only a frame that seems to be a stray shows it.
 std::optional<TrainStart> find_start(std::span<const FrameStamp> frames,
                                      const StartEvidence& evidence, bool no_more);
 
