@@ -24,8 +24,10 @@ std::vector<int64_t> key_pictures_of(const std::filesystem::path& video) {
   std::vector<int64_t> keys;
   std::istringstream lines(text);
   std::string line;
-  for (int64_t picture = 0; std::getline(lines, line); ++picture) {
+  for (int64_t picture = 0; std::getline(lines, line);) {
+    if (line.empty()) continue;  // ffprobe 5 ends the side data of a picture with an empty line
     if (line.starts_with('1')) keys.push_back(picture);
+    ++picture;
   }
   return keys;
 }
