@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <functional>
 #include <utility>
 
@@ -49,6 +50,13 @@ Eigen::Vector3d centre_of(const SparseVolume& volume, std::span<const ComponentP
   return sum / static_cast<double>(voxels);
 }
 
+/// The edge of a voxel, metres. The compact frames of one grid state it with different rounding
+/// errors, which must not decide about a limit.
+double rounded_voxel_m(const SparseVolume& volume) {
+  constexpr double kPicometres = 1e12;
+  return std::round(volume.grid().voxel_m * kPicometres) / kPicometres;
+}
+
 bool has_voxels(const PerformerVoxels& performer) {
   return !std::ranges::all_of(performer.voxels, is_empty);
 }
@@ -60,14 +68,34 @@ PerformerTracker::PerformerTracker(const PerformerOptions& options)
 
 const std::vector<PerformerVoxels>& PerformerTracker::add(int64_t pulse,
                                                           const SparseVolume& volume) {
+  can_undo_ = false;
   if (volume.bricks().empty()) {
     static const std::vector<PerformerVoxels> kNone;
     return kNone;
   }
-  V3D_CHECK(previous_.bricks().empty() || (pulse > pulse_ && previous_.grid() == volume.grid()));
-  elapsed_ = pulse - pulse_;
-  before_ = std::move(performers_);
-  objects_before_ = std::exchange(objects_, {});
+  V3D_CHECK(now_.volume.bricks().empty() ||
+            (pulse > now_.pulse && now_.volume.grid() == volume.grid()));
+  std::swap(now_, before_);
+  try {
+    track(pulse, volume);
+  } catch (...) {
+    std::swap(now_, before_);
+    throw;
+  }
+  can_undo_ = true;
+  return now_.performers;
+}
+
+void PerformerTracker::undo() {
+  if (std::exchange(can_undo_, false)) std::swap(now_, before_);
+}
+
+/// Replaces now_ by the state of `volume`. Changes nothing in before_.
+void PerformerTracker::track(int64_t pulse, const SparseVolume& volume) {
+  elapsed_ = pulse - before_.pulse;
+  now_.pulse = pulse;
+  now_.objects.clear();
+  now_.last_identity = before_.last_identity;
   components_.find(volume);
   carry(volume);
   find_homes();
@@ -80,7 +108,7 @@ const std::vector<PerformerVoxels>& PerformerTracker::add(int64_t pulse,
     if (homes.empty()) {
       objects.push_back(c);
     } else if (homes.size() == 1) {
-      give(c, before_[homes.front()].identity);
+      give(c, before_.performers[homes.front()].identity);
     } else {
       divide(volume, c, homes);
     }
@@ -88,37 +116,35 @@ const std::vector<PerformerVoxels>& PerformerTracker::add(int64_t pulse,
   for (const size_t c : objects) give(c, 0);
   std::ranges::stable_sort(objects, std::greater{},
                            [&](size_t c) { return components_.voxels(c); });
-  for (const size_t c : objects) label_object(volume, c, objects_.emplace_back());
-  std::erase_if(performers_, [](const auto& performer) { return !has_voxels(performer); });
-  previous_ = volume;
-  pulse_ = pulse;
-  return performers_;
+  for (const size_t c : objects) label_object(volume, c, now_.objects.emplace_back());
+  std::erase_if(now_.performers, [](const auto& performer) { return !has_voxels(performer); });
+  now_.volume = volume;
 }
 
 /// Gives each performer its voxels of the previous volume that are still occupied.
 void PerformerTracker::carry(const SparseVolume& volume) {
-  performers_.clear();
-  for (const PerformerVoxels& before : before_) {
-    VoxelSet& voxels = performers_.emplace_back(PerformerVoxels{before.identity, {}}).voxels;
+  now_.performers.clear();
+  for (const PerformerVoxels& before : before_.performers) {
+    VoxelSet& voxels = now_.performers.emplace_back(PerformerVoxels{before.identity, {}}).voxels;
     voxels.resize(volume.bricks().size());
     for (size_t b = 0; b < voxels.size(); ++b) {
-      const int index = previous_.index_of(volume.coords()[b]);
+      const int index = before_.volume.index_of(volume.coords()[b]);
       if (index >= 0) voxels[b] = common(before.voxels[index], volume.bricks()[b]);
     }
   }
 }
 
 void PerformerTracker::find_homes() {
-  overlap_.assign(before_.size(), std::vector<int64_t>(components_.count(), 0));
-  home_.assign(before_.size(), -1);
-  for (size_t p = 0; p < before_.size(); ++p) {
+  overlap_.assign(before_.performers.size(), std::vector<int64_t>(components_.count(), 0));
+  home_.assign(before_.performers.size(), -1);
+  for (size_t p = 0; p < before_.performers.size(); ++p) {
     int64_t had = 0;
-    for (const codec::Brick& brick : before_[p].voxels) had += voxel_count(brick);
+    for (const codec::Brick& brick : before_.performers[p].voxels) had += voxel_count(brick);
     int64_t most = std::max<int64_t>(1, had / kHomeShare) - 1;
     for (size_t c = 0; c < components_.count(); ++c) {
       int64_t& voxels = overlap_[p][c];
       for (const ComponentPart& part : components_.parts(c)) {
-        voxels += voxel_count(common(performers_[p].voxels[part.brick], part.bits));
+        voxels += voxel_count(common(now_.performers[p].voxels[part.brick], part.bits));
       }
       if (voxels <= most) continue;
       most = voxels;
@@ -130,15 +156,15 @@ void PerformerTracker::find_homes() {
 void PerformerTracker::divide(const SparseVolume& volume, size_t component,
                               std::span<const size_t> homes) {
   const auto parts = components_.parts(component);
-  PreviousPulse previous{previous_, {}};
+  PreviousPulse previous{before_.volume, {}};
   std::vector<VoxelSet*> sets;
-  for (size_t p = 0; p < before_.size(); ++p) {
+  for (size_t p = 0; p < before_.performers.size(); ++p) {
     if (std::ranges::find(homes, p) != homes.end() && sets.size() < ContactSplit::kMaxSets) {
-      previous.sets.push_back(&before_[p].voxels);
-      sets.push_back(&performers_[p].voxels);
+      previous.sets.push_back(&before_.performers[p].voxels);
+      sets.push_back(&now_.performers[p].voxels);
     } else {
       for (const ComponentPart& part : parts)
-        subtract(performers_[p].voxels[part.brick], part.bits);
+        subtract(now_.performers[p].voxels[part.brick], part.bits);
     }
   }
   contact_.run(volume, parts, previous, sets);
@@ -146,7 +172,7 @@ void PerformerTracker::divide(const SparseVolume& volume, size_t component,
 
 /// Gives a component to a performer. `identity` 0: to none.
 void PerformerTracker::give(size_t component, uint8_t identity) {
-  for (PerformerVoxels& performer : performers_) {
+  for (PerformerVoxels& performer : now_.performers) {
     for (const ComponentPart& part : components_.parts(component)) {
       if (performer.identity == identity) {
         recon::add(performer.voxels[part.brick], part.bits);
@@ -158,12 +184,12 @@ void PerformerTracker::give(size_t component, uint8_t identity) {
 }
 
 void PerformerTracker::label_object(const SparseVolume& volume, size_t component, Object& object) {
-  const double voxel_m = volume.grid().voxel_m;
+  const double voxel_m = rounded_voxel_m(volume);
   object.centre = centre_of(volume, components_.parts(component));
   object.voxels = components_.voxels(component);
   object.identity = former_performer(component);
-  const bool is_large = static_cast<double>(object.voxels) * volume.grid().voxel_volume_m3() >=
-                        options_.min_volume_m3;
+  const double voxel_m3 = voxel_m * voxel_m * voxel_m;
+  const bool is_large = static_cast<double>(object.voxels) * voxel_m3 >= options_.min_volume_m3;
   const Object* before = same_object(object, voxel_m);
   if (before != nullptr) {
     object.pulses = before->pulses + 1;
@@ -172,9 +198,10 @@ void PerformerTracker::label_object(const SparseVolume& volume, size_t component
   if (object.identity == 0 && !is_large) object.identity = owner(volume, component, before);
   const bool is_new =
       is_large && (object.identity == 0 || object.pulses > options_.pulses_to_separate);
-  if (is_new && last_identity_ < kMaxIdentity) {
-    object.identity = ++last_identity_;
-    performers_.push_back({object.identity, VoxelSet(volume.bricks().size(), codec::kEmptyBrick)});
+  if (is_new && now_.last_identity < kMaxIdentity) {
+    object.identity = ++now_.last_identity;
+    now_.performers.push_back(
+        {object.identity, VoxelSet(volume.bricks().size(), codec::kEmptyBrick)});
   }
   give(component, object.identity);
 }
@@ -182,7 +209,8 @@ void PerformerTracker::label_object(const SparseVolume& volume, size_t component
 /// The performer who had at least half of the voxels of a component, else 0.
 uint8_t PerformerTracker::former_performer(size_t component) const {
   for (size_t p = 0; p < overlap_.size(); ++p) {
-    if (2 * overlap_[p][component] >= components_.voxels(component)) return before_[p].identity;
+    if (2 * overlap_[p][component] >= components_.voxels(component))
+      return before_.performers[p].identity;
   }
   return 0;
 }
@@ -193,7 +221,7 @@ const PerformerTracker::Object* PerformerTracker::same_object(const Object& obje
   const Object* best = nullptr;
   double least = 1;
   const auto pulses = static_cast<double>(elapsed_);
-  for (const Object& before : objects_before_) {
+  for (const Object& before : before_.objects) {
     if (before.voxels > kSimilarSize * object.voxels ||
         object.voxels > kSimilarSize * before.voxels) {
       continue;
@@ -224,7 +252,7 @@ uint8_t PerformerTracker::owner(const SparseVolume& volume, size_t component,
 /// By the distance between the voxels' bounding boxes in each brick. 0: none is near.
 uint8_t PerformerTracker::nearest_performer(const SparseVolume& volume, size_t component,
                                             double limit_m) const {
-  const int limit = static_cast<int>(limit_m / volume.grid().voxel_m);
+  const int limit = static_cast<int>(limit_m / rounded_voxel_m(volume));
   std::vector<Eigen::AlignedBox3i> boxes;
   Eigen::AlignedBox3i reach;
   for (const ComponentPart& part : components_.parts(component)) {
@@ -235,7 +263,7 @@ uint8_t PerformerTracker::nearest_performer(const SparseVolume& volume, size_t c
   reach.max().array() += limit;
   int least = limit * limit;
   uint8_t nearest = 0;
-  for (const PerformerVoxels& performer : performers_) {
+  for (const PerformerVoxels& performer : now_.performers) {
     for (size_t b = 0; b < volume.bricks().size(); ++b) {
       const codec::Brick& voxels = performer.voxels[b];
       if (is_empty(voxels)) continue;

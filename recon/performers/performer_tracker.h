@@ -45,8 +45,9 @@ struct PerformerOptions {
 ///   pulses. So performers who are in contact in the first volume are one until they separate.
 ///
 /// Identities count from 1. A performer without a home has left, and gets a new identity if seen
-/// again. Pulses may be missing; a volume without voxels changes nothing.
-/// Keeps its working memory between pulses. One thread. Deterministic.
+/// again. Pulses may be missing; a volume without voxels changes nothing. Sizes of a voxel that
+/// round to the same picometre give the same result, because a compact frame states the size
+/// rounded. Keeps its working memory between pulses. One thread. Deterministic.
 class PerformerTracker {
  public:
   static constexpr uint8_t kMaxIdentity = 254;  ///< further performers get no label
@@ -55,7 +56,11 @@ class PerformerTracker {
 
   /// The performers of the next volume, by ascending identity; each has at least one voxel. Voxels
   /// without a performer are in no set. Requires ascending pulses and volumes of the same grid.
+  /// After an exception, the tracker is as before the call.
   const std::vector<PerformerVoxels>& add(int64_t pulse, const SparseVolume& volume);
+  /// Takes back the last add(), whose volume turned out to be no part of the sequence. A second
+  /// call changes nothing.
+  void undo();
 
  private:
   struct Object {
@@ -65,7 +70,16 @@ class PerformerTracker {
     uint8_t identity = 0;
     int pulses = 1;  ///< in which it was an object
   };
+  /// What the next volume is compared with.
+  struct State {
+    int64_t pulse = 0;
+    SparseVolume volume;  ///< without voxels: none yet
+    std::vector<PerformerVoxels> performers;
+    std::vector<Object> objects;
+    uint8_t last_identity = 0;
+  };
 
+  void track(int64_t pulse, const SparseVolume& volume);
   void carry(const SparseVolume& volume);
   void find_homes();
   void divide(const SparseVolume& volume, size_t component, std::span<const size_t> homes);
@@ -77,16 +91,13 @@ class PerformerTracker {
   void give(size_t component, uint8_t identity);
 
   const PerformerOptions options_;
-  uint8_t last_identity_ = 0;
-  int64_t pulse_ = 0;    ///< of previous_
-  int64_t elapsed_ = 1;  ///< pulses since previous_
-  SparseVolume previous_;
-  std::vector<PerformerVoxels> before_;  ///< performers of previous_
-  std::vector<PerformerVoxels>
-      performers_;  ///< of the current volume; the first ones as in before_
+  /// Of the current volume; the first performers as in before_.
+  State now_;
+  State before_;                               ///< of the volume before
+  bool can_undo_ = false;                      ///< the last add() has changed now_
+  int64_t elapsed_ = 1;                        ///< pulses between both
   std::vector<std::vector<int64_t>> overlap_;  ///< [performer][component]: carried voxels
   std::vector<int> home_;                      ///< by performer; -1: none
-  std::vector<Object> objects_, objects_before_;
   VolumeComponents components_;
   ContactSplit contact_;
 };

@@ -9,6 +9,7 @@
 #include "base/io/file.h"
 #include "codec/byte_stream.h"
 #include "recon/performers/blocks.h"
+#include "recon/performers/performer_labeller.h"
 #include "recon/pipeline/compact_frame.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
@@ -37,7 +38,9 @@ class TwoBodies : public testing::Test {
   }
 
   void append(int64_t pulse, take::MeshFileWriter& file) { append(pulse, volume_at(pulse), file); }
-  void append(int64_t pulse, const recon::SparseVolume& volume, take::MeshFileWriter& file) {
+  void append(int64_t pulse, const recon::SparseVolume& volume, take::MeshFileWriter& file,
+              std::span<const uint8_t> labels = {},
+              std::span<const codec::VertexPosition> positions = {}) {
     const recon::VoxelGrid& grid = volume.grid();
     const codec::BrickVolume bricks = volume.view();
     const std::vector<codec::VertexColour> colours(marching_cubes(volume).vertices.size(),
@@ -47,7 +50,9 @@ class TwoBodies : public testing::Test {
     content.metadata.origin = {grid.origin.x(), grid.origin.y(), grid.origin.z()};
     content.metadata.step = grid.voxel_m / 2;
     content.volume = &bricks;
+    content.positions = positions;
     content.colours = colours;
+    content.labels = labels;
     io::throw_if_failed(file.append(pulse, encoder_.encode(content).value()));
   }
   void make_take() {
@@ -110,6 +115,36 @@ TEST_F(TwoBodies, keep_positions_colours_and_labels_when_they_are_labelled_again
     EXPECT_EQ(new_meshes.frame().mesh.vertices, old_meshes.frame().mesh.vertices);
     EXPECT_EQ(new_meshes.frame().mesh.colours, old_meshes.frame().mesh.colours);
   }
+}
+
+/// The volumes of a live take have the grid of its space, and some of its surfaces are deformed.
+TEST_F(TwoBodies, have_the_bytes_of_meshes_that_were_labelled_live) {
+  recon::PerformerLabeller labeller;
+  take::MeshFileWriter file(mesh());
+  for (int64_t pulse = 0; pulse < kPulses; ++pulse) {
+    const recon::SparseVolume volume = volume_at(pulse);
+    if (pulse % 9 == 4) {  // it could not be encoded
+      labeller.label(pulse, recon::volume_of({body_at(1.2)}));
+      labeller.undo();
+      continue;
+    }
+    std::vector<codec::VertexPosition> positions;
+    if (pulse % 4 < 2) {
+      positions = recon::vertex_positions(marching_cubes(volume).vertices);
+      positions.front()[2] += 0.003F;
+    }
+    append(pulse, volume, file, labeller.label(pulse, volume), positions);
+  }
+  io::throw_if_failed(file.close());
+  const auto frames = [&] {
+    take::MeshFileReader meshes(mesh());
+    std::vector<std::vector<uint8_t>> all;
+    for (const int64_t pulse : meshes.pulses()) all.push_back(meshes.read(pulse).value().value());
+    return all;
+  };
+  const std::vector<std::vector<uint8_t>> live = frames();
+  EXPECT_EQ(label().performers.size(), 2U);
+  EXPECT_EQ(frames(), live);
 }
 
 TEST_F(TwoBodies, are_not_found_in_meshes_of_an_empty_stage) {

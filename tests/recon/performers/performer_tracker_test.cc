@@ -4,7 +4,9 @@
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
+#include <cmath>
 #include <functional>
+#include <span>
 #include <vector>
 
 #include "recon/performers/blocks.h"
@@ -165,6 +167,50 @@ TEST(PerformerTracker, has_one_identity_for_performers_who_begin_in_contact_unti
     tracked.add({body_at(-0.62), body_at(0.12)});
     EXPECT_EQ(tracked.at(-0.62, 0, 0.5), 1) << pulse;
     EXPECT_EQ(tracked.at(0.12, 0, 0.5), pulse < 5 ? 1 : 2) << pulse;
+  }
+}
+
+TEST(PerformerTracker, continues_after_an_undone_volume_as_if_it_had_not_been_added) {
+  PerformerTracker tracker, undoing;
+  const auto expect_the_same = [&](int64_t pulse, const std::vector<Block>& blocks) {
+    const SparseVolume volume = volume_of(blocks);
+    const auto& expected = tracker.add(pulse, volume);
+    const auto& found = undoing.add(pulse, volume);
+    ASSERT_EQ(found.size(), expected.size()) << pulse;
+    for (size_t p = 0; p < found.size(); ++p) {
+      EXPECT_EQ(found[p].identity, expected[p].identity) << pulse;
+      EXPECT_EQ(found[p].voxels, expected[p].voxels) << pulse;
+    }
+  };
+  for (int pulse = 0; pulse <= 40; ++pulse) {
+    const Push push(pulse);
+    if (pulse % 3 == 0) {
+      undoing.add(pulse, volume_of({body_at(push.first), body_at(1.2)}));
+      undoing.undo();
+      undoing.add(pulse, volume_of({}));
+      undoing.undo();
+    }
+    expect_the_same(pulse, push.blocks());
+  }
+  std::vector<Block> three = Push(40).blocks();
+  three.push_back(body_at(1.2));
+  expect_the_same(41, three);
+}
+
+/// Frames of one grid state 2 cm with different rounding errors. The limit of 0.6 m is 30 voxels.
+TEST(PerformerTracker, gives_an_object_to_a_performer_whatever_the_rounding_of_the_voxel) {
+  const SparseVolume volume = volume_of({body_at(0), rod(0.7, 0.9)});  // 29 voxels apart
+  std::vector<PlacedBrick> bricks;
+  for (size_t b = 0; b < volume.bricks().size(); ++b) {
+    bricks.push_back({volume.coords()[b], volume.bricks()[b]});
+  }
+  const std::span<const PlacedBrick> part(bricks);
+  for (const double voxel_m : {0.02, std::nextafter(0.02, 0.0), std::nextafter(0.02, 1.0)}) {
+    VoxelGrid grid = volume.grid();
+    grid.voxel_m = voxel_m;
+    const SparseVolume rounded(grid, {&part, 1});
+    PerformerTracker tracker;
+    EXPECT_EQ(identity_at(rounded, tracker.add(0, rounded), {0.81, 0.01, 1.19}), 1) << voxel_m;
   }
 }
 

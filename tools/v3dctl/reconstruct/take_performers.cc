@@ -9,8 +9,7 @@
 #include "base/io/process.h"
 #include "codec/frame_reviser.h"
 #include "common/console.h"
-#include "recon/performers/performer_labels.h"
-#include "recon/performers/performer_tracker.h"
+#include "recon/performers/performer_labeller.h"
 #include "recon/pipeline/frame_volume.h"
 #include "take/logs/mesh_file.h"
 #include "take/take.h"
@@ -68,7 +67,7 @@ class Labeller {
       ++report_.undecodable;
       return compact;
     }
-    const std::vector<uint8_t> labels = vertices_.find(*volume, tracker_.add(pulse, *volume));
+    const std::vector<uint8_t> labels = labeller_.label(pulse, *volume);
     count(pulse, labels);
     return codec_.labelled(labels);
   }
@@ -108,8 +107,7 @@ class Labeller {
 
   const recon::VoxelGrid grid_;
   codec::FrameReviser codec_;
-  recon::PerformerTracker tracker_;
-  recon::VertexLabels vertices_;
+  recon::PerformerLabeller labeller_;
   std::map<int, PerformerPulses> performers_;
   double unlabelled_ = 0, vertices_total_ = 0;
   PerformersReport report_;
