@@ -277,6 +277,13 @@ void read_reconstruction(const TomlTable& file, Studio& studio) {
   r.threads = ranged_int(table, "threads", r.threads, 0, 1024);
   r.deadline_ms = ranged(table, "deadline_ms", r.deadline_ms, 1, 60'000);
   r.repair = table.boolean_or("repair", r.repair);
+  r.performers = table.boolean_or("performers", r.performers);
+  if (r.performers && r.nodes.size() > 1) {
+    table.fail("performers",
+               fmt::format("expected false with {} reconstruction nodes: each sees only its own "
+                           "pulses; run v3dctl performers after the take",
+                           r.nodes.size()));
+  }
   table.reject_unknown_fields();
 }
 

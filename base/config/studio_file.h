@@ -208,6 +208,7 @@ struct StudioReconstruction {
   int threads = 0;           ///< 0: one per core
   double deadline_ms = 200;  ///< longest wait for the frames of a set, from its first frame
   bool repair = false;       ///< silhouette repair of the pulses for which there is time
+  bool performers = false;   ///< labels of performers in the live meshes; with a single node only
 };
 
 /// [viewer]; relative paths start at the folder of the studio file.

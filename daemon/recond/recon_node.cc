@@ -117,6 +117,7 @@ std::map<std::string, double> values_of(const ReconCounts& c) {
   }
   if (c.shard) values.merge(values_of(*c.shard));
   if (c.repair) values.merge(values_of(*c.repair));
+  if (c.performers) values["performers"] = static_cast<double>(*c.performers);
   for (size_t passes = 0; passes < c.by_passes.size(); ++passes) {
     values["meshes_of_" + std::to_string(passes) + "_passes"] =
         static_cast<double>(c.by_passes[passes]);
@@ -197,7 +198,8 @@ std::optional<wire::CommandMessage> ReconNode::rejoin() {
   open(command_, found->commanded);
   events_.send(wire::Severity::kWarning, "reconstruction",
                node_ + " restarted and reconstructs " + command_.take + " again from pulse " +
-                   std::to_string(found->commanded),
+                   std::to_string(found->commanded) +
+                   (studio_.reconstruction.performers ? ", with new numbers of performers" : ""),
                node::advice::kMeshesMissing);
   return command_;
 }
@@ -227,6 +229,7 @@ void ReconNode::open(const wire::CommandMessage& command, std::optional<int64_t>
                                : std::optional(recon::warm_up_frame_set(rig, studio_.space.bounds)),
           .repair = repair_setup(rig, options),
           .live_passes = recon.quality == Quality::kMedium ? options.live_passes : 0,
+          .performers = recon.performers,
           .on_finished_set = [this](recon::FrameSet& set) { displacement_monitor_->offer(set); },
           .resume_at = resume_at,
           .shard = shard_setup(command, resume_at.has_value())},

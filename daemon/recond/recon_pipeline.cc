@@ -60,6 +60,7 @@ ReconPipeline::ReconPipeline(Setup setup, bus::Bus& bus)
       passes_(setup.live_passes),
       by_passes_(static_cast<size_t>(setup.live_passes) + 1),
       repair_(make_repair(std::move(setup.repair))),
+      labeller_(setup.performers ? std::make_unique<recon::PerformerLabeller>() : nullptr),
       shared_(make_shared_take(setup.shard)),
       pipeline_(setup.threads, [this] { return next_job(); },
                 {[this](Job& job) { make_mesh(job); }, [this](Job& job) { finish(job); }}) {
@@ -242,10 +243,28 @@ void ReconPipeline::make_mesh(Job& job) {
       job);
 }
 
+/// The last stage gets the sets by ascending pulse, and the labels of a mesh follow from the meshes
+/// before. A pulse that cannot be encoded has no mesh, so the next pulse must not follow from it.
+void ReconPipeline::encode_mesh(Job& job) {
+  if (!labeller_ || job.is_warm_up) return run_stage(stages_.encode, job);
+  run_stage(
+      [&](recon::FrameSetJob& work) {
+        work.result.performers = labeller_->label(work.set.pulse, work.volume);
+        try {
+          stages_.encode(work);
+        } catch (...) {
+          labeller_->undo();
+          throw;
+        }
+        performers_ = static_cast<int64_t>(labeller_->count());
+      },
+      job);
+}
+
 void ReconPipeline::finish(Job& job) {
   job.work.set.exposure = edge_of(job.work.set.pulse);
   if (shared_) stages_.begin_sequence();
-  run_stage(stages_.encode, job);
+  encode_mesh(job);
   if (job.is_warm_up) return stages_.begin_sequence();
   if (!job.failure.empty()) return record_failure(job);
   ghosts_ += job.work.result.ghosts;
@@ -346,6 +365,7 @@ ReconCounts ReconPipeline::counts() const {
                      .implausible = implausible_frames_ + implausible_pulses_,
                      .write_errors = write_errors_};
   if (repair_) counts.repair = repair_->counts();
+  if (labeller_) counts.performers = performers_;
   if (max_passes_ > 0) counts.by_passes.assign(by_passes_.begin(), by_passes_.end());
   if (shared_) {
     counts.shard = shared_->counts();

@@ -18,6 +18,7 @@
 #include "daemon/recond/live_repair.h"
 #include "daemon/recond/pass_load_control.h"
 #include "daemon/recond/shared_take.h"
+#include "recon/performers/performer_labeller.h"
 #include "recon/pipeline/frame_pipeline.h"
 #include "recon/pipeline/frame_set.h"
 #include "recon/pipeline/reconstructor.h"
@@ -48,6 +49,7 @@ struct ReconCounts {
   double live_fps = 0;                   ///< meshes per second over the take so far
   recon::FrameQuality quality{};         ///< of the last mesh
   std::optional<RepairCounts> repair{};  ///< set where silhouettes are repaired
+  std::optional<int64_t> performers{};   ///< in the last mesh; set where meshes have labels
   /// Meshes of this node by passes of the live deformation; empty where it has none.
   std::vector<int64_t> by_passes{};
   /// Set where several nodes share the take. Then `meshes`, latencies and quality cover all nodes.
@@ -87,6 +89,9 @@ class ReconPipeline {
     std::optional<recon::FrameSet> warm_up{};  ///< processed first, to allocate memory; has no mesh
     std::optional<LiveRepair::Setup> repair{};  ///< of silhouettes, in the first stage
     int live_passes = 0;  ///< of the live deformation, for a pulse with enough time
+    /// Labels the vertices of the meshes with their performers, in the last stage. Requires a take
+    /// that is not shared. Identities begin with 1, also in a resumed take.
+    bool performers = false;
     /// Receives every set whose mesh was published, with its silhouettes before the repair, and may
     /// modify it. Called by the last stage.
     std::function<void(recon::FrameSet&)> on_finished_set{};
@@ -139,6 +144,7 @@ class ReconPipeline {
   void repair(Job& job);
   void choose_passes(Job& job);
   void make_mesh(Job& job);
+  void encode_mesh(Job& job);
   void finish(Job& job);
   void record_failure(const Job& job);
   wire::MeshMessage message_of(const Job& job);
@@ -193,7 +199,10 @@ class ReconPipeline {
   PassLoadControl passes_;                       ///< used by the first stage
   std::vector<std::atomic<int64_t>> by_passes_;  ///< meshes; without passes one number
   std::unique_ptr<LiveRepair> repair_;           ///< null where silhouettes are not repaired
-  std::unique_ptr<SharedTake> shared_;           ///< null where one node makes all meshes
+  /// Used by the last stage; null where meshes have no labels.
+  const std::unique_ptr<recon::PerformerLabeller> labeller_;
+  std::atomic<int64_t> performers_ = 0;  ///< in the last mesh
+  std::unique_ptr<SharedTake> shared_;   ///< null where one node makes all meshes
   std::atomic<bool> stopping_ = false;
   std::thread assembling_thread_;
   recon::FramePipeline<Job> pipeline_;  ///< last: it uses all of the above

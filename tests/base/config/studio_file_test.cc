@@ -143,6 +143,8 @@ TEST(StudioFile, accepts_one_or_several_reconstruction_nodes) {
             where + "nodes: there is no [[node]] named 'recon03'");
   EXPECT_EQ(message_for(shared("nodes = [\"recon01\", \"recon01\"]")),
             where + "nodes: 'recon01' is listed twice");
+  EXPECT_THAT(message_for(shared("nodes = [\"recon01\", \"recon02\"]\nperformers = true")),
+              HasSubstr("reconstruction.performers: expected false with 2 reconstruction nodes: "));
   EXPECT_EQ(message_for(shared("nodes = []")),
             where + "nodes: expected the names of [[node]]s, found none");
   EXPECT_EQ(message_for(shared("node = \"recon01\"\nnodes = [\"recon02\"]")),
@@ -185,13 +187,13 @@ TEST(StudioFile, reports_an_unknown_field_and_the_known_ones) {
   EXPECT_NE(message.find("packet_size"), std::string::npos);
 }
 
-TEST(StudioFile, repairs_live_silhouettes_on_request) {
-  const auto repairs = [](std::string_view line) {
-    return parse_studio(with("min_views = 2", line), "/etc/v3d/studio.toml").reconstruction.repair;
+TEST(StudioFile, repairs_silhouettes_and_labels_performers_of_live_meshes_on_request) {
+  const auto live = [](std::string_view line) {
+    return parse_studio(with("min_views = 2", line), "/etc/v3d/studio.toml").reconstruction;
   };
-  EXPECT_FALSE(repairs(""));
-  EXPECT_FALSE(repairs("repair = false"));
-  EXPECT_TRUE(repairs("repair = true"));
+  EXPECT_FALSE(live("").repair || live("").performers);
+  EXPECT_TRUE(live("repair = true").repair);
+  EXPECT_TRUE(live("performers = true").performers);
 }
 
 TEST(StudioFile, rejects_values_out_of_range_and_reports_the_range) {
