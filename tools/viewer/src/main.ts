@@ -398,7 +398,7 @@ class Viewer {
     this.shown = frame;
     find('canvas').dataset.shown = String(++this.shownCount);
     this.errors.set('frames', '');
-    this.performers.add(frame);
+    this.performers.add(frame, frame.live?.take ?? null);
     this.draw();
     this.meter.add(performance.now());
     if (!frame.live) return;

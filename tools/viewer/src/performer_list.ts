@@ -7,6 +7,8 @@ import { indicesOf, performersOf, type Surface } from '../player/src/surface';
 export class PerformerList {
   private readonly hidden = new Set<number>();
   private known: number[] = [];
+  /** The take of the last surface, where that was live. */
+  private live: string | null = null;
 
   /** `changed`: another set of performers is visible. */
   constructor(
@@ -14,8 +16,13 @@ export class PerformerList {
     private readonly changed: () => void,
   ) {}
 
-  /** To call for each shown surface. A performer stays in the list while the take is open. */
-  add(surface: Surface): void {
+  /**
+   * To call for each shown surface; `live`: the take of a live one. A performer stays in the list while the take is open, or while
+   * it is recorded: the next live take numbers its performers from 1.
+   */
+  add(surface: Surface, live: string | null = null): void {
+    if (live !== this.live) this.clear();
+    this.live = live;
     const fresh = performersOf(surface).filter((performer) => !this.known.includes(performer));
     if (fresh.length === 0) return;
     this.known = [...this.known, ...fresh].sort((a, b) => a - b);

@@ -32,6 +32,7 @@ class FakeDecoder {
   withoutReference: number[] = [];
   /** Statuses of frames that cannot be decoded, by pulse. */
   failures = new Map<number, number>();
+  labels: Uint8Array | null = null;
   decode(bytes: Uint8Array): number {
     const failure = this.failures.get(bytes[0]);
     if (failure !== undefined) return failure;
@@ -42,7 +43,7 @@ class FakeDecoder {
   frame(): Frame {
     const pulse = this.decoded.at(-1)!;
     const positions = new Float32Array([pulse, 0, 0]);
-    return { pulse, cameras: [], quality: NaN, positions, colours: null, labels: null, indices: new Uint32Array() } as unknown as Frame;
+    return { pulse, cameras: [], quality: NaN, positions, colours: null, labels: this.labels, indices: new Uint32Array() } as unknown as Frame;
   }
 }
 
@@ -61,6 +62,7 @@ describe('live meshes', () => {
   let work: LiveWork;
   let sent: number[];
   let edges: (number | null | undefined)[];
+  let performers: (Uint8Array | null)[];
   let links: string[];
   let troubles: string[];
   let post: (message: FromWorker) => void;
@@ -71,6 +73,7 @@ describe('live meshes', () => {
     decoder = new FakeDecoder();
     sent = [];
     edges = [];
+    performers = [];
     links = [];
     troubles = [];
     post = (message: FromWorker) => {
@@ -79,6 +82,7 @@ describe('live meshes', () => {
       if (message.kind !== 'frame') return;
       sent.push(message.frame.pulse);
       edges.push(message.frame.live?.edgeMs);
+      performers.push(message.frame.performers);
     };
     work = new LiveWork(async () => decoder, post, 1, 'ws://studio/live');
     await work.open();
@@ -112,6 +116,12 @@ describe('live meshes', () => {
       work.drawn();
     }
     expect(sent).toEqual([1, 2, 3]);
+  });
+
+  it('keep their labels of performers', () => {
+    decoder.labels = Uint8Array.of(2);
+    receive(1);
+    expect(performers).toEqual([Uint8Array.of(2)]);
   });
 
   it('are shown again after frames without their reference', () => {
