@@ -18,6 +18,7 @@
 #include "sim/cameras/exposure_record.h"
 #include "sim/cameras/gige_cameras.h"
 #include "sim/cameras/trigger_cable.h"
+#include "sim/performer/performer.h"
 #include "sim/rendering/camera_images.h"
 #include "v3d-sim/sim_commands.h"
 #include "v3d-sim/simulated_take.h"
@@ -31,6 +32,7 @@ constexpr int kPlates = 8;
 struct Arguments {
   std::string folder;
   StudioOptions studio;
+  int performers = 1;
   int64_t loop_frames = 0;
   int64_t empty_pulses = 0;
   std::string voxel = "10mm";
@@ -129,6 +131,7 @@ std::optional<RenderedImages> render_all_images(const Rig& rig, const Arguments&
   require_memory(rig, total, available_memory(), arguments.studio.rig);
   RenderOptions options;
   options.seed = arguments.studio.seed;
+  options.cast = cast_of(arguments.performers);
   BatchRenderer renderer(rig, options);
   RenderedImages rendered;
   if (arguments.clap > 0) rendered.repeated_from = arguments.loop_frames - kPlates;
@@ -229,6 +232,11 @@ void add_studio_command(cli::Command app, int& status) {
                   "Folder for studio.toml, calib.toml, trigger.sock and exposures.csv")
       .required();
   add_studio_options(command, arguments->studio);
+  command
+      .add_option("--performers", arguments->performers,
+                  "1: a swordsman alone; 2: two performers that fight and touch each other")
+      .check(cli::integer_in(1, 2))
+      .show_default();
   command
       .add_option("--loop-frames", arguments->loop_frames,
                   "Images of the performer per camera, rendered in advance and sent in a loop; "
