@@ -79,13 +79,16 @@ class MotionWriter {
   /// If its key pulse is not one of them, the last of them becomes the key pulse. Empty also where
   /// the file has room for none.
   std::optional<EncodedMotion> add_first_pulses(MotionSegment& segment);
+  /// As add(), for a segment that encode_motion() has encoded with the same options to this number
+  /// of bytes. `pulses`: of the segment.
+  bool add_encoded(std::span<const int64_t> pulses, size_t bytes);
   /// Whether there was no room for a segment or for some of its pulses.
   bool is_full() const { return full_; }
 
  private:
   std::optional<EncodedMotion> encode(const MotionSegment& segment) const;
-  bool has_room_for(const EncodedMotion& encoded) const;
-  void count(const MotionSegment& segment, const EncodedMotion& encoded);
+  bool has_room_for(size_t bytes) const;
+  void count(std::span<const int64_t> pulses, size_t bytes);
 
   MotionEncoderOptions options_;
   MotionFileLimits limits_;

@@ -260,25 +260,30 @@ std::optional<EncodedMotion> MotionWriter::encode(const MotionSegment& segment) 
   return encode_motion(segment, options_);
 }
 
-bool MotionWriter::has_room_for(const EncodedMotion& encoded) const {
-  return segments_ < limits_.segments && bytes_ + encoded.bytes.size() <= limits_.bytes;
+bool MotionWriter::has_room_for(size_t bytes) const {
+  return segments_ < limits_.segments && bytes_ + bytes <= limits_.bytes;
 }
 
-void MotionWriter::count(const MotionSegment& segment, const EncodedMotion& encoded) {
-  last_pulse_ = segment.pulses.back();
+void MotionWriter::count(std::span<const int64_t> pulses, size_t bytes) {
+  last_pulse_ = pulses.back();
   ++segments_;
-  bytes_ += encoded.bytes.size();
+  bytes_ += bytes;
 }
 
 std::optional<EncodedMotion> MotionWriter::add(const MotionSegment& segment) {
   auto encoded = encode(segment);
-  if (!encoded) return std::nullopt;
-  if (!has_room_for(*encoded)) {
-    full_ = true;
-    return std::nullopt;
-  }
-  count(segment, *encoded);
+  if (!encoded || !add_encoded(segment.pulses, encoded->bytes.size())) return std::nullopt;
   return encoded;
+}
+
+bool MotionWriter::add_encoded(std::span<const int64_t> pulses, size_t bytes) {
+  if (pulses.empty() || pulses.front() < last_pulse_) return false;
+  if (!has_room_for(bytes)) {
+    full_ = true;
+    return false;
+  }
+  count(pulses, bytes);
+  return true;
 }
 
 namespace {
@@ -308,7 +313,7 @@ void keep_first_pulses(MotionSegment& segment, size_t pulses) {
 
 std::optional<EncodedMotion> MotionWriter::add_first_pulses(MotionSegment& segment) {
   auto encoded = encode(segment);
-  while (encoded && !has_room_for(*encoded)) {
+  while (encoded && !has_room_for(encoded->bytes.size())) {
     full_ = true;
     if (segments_ >= limits_.segments || bytes_ >= limits_.bytes) return std::nullopt;
     const size_t pulses = pulses_for(*encoded, segment.pulses.size(), limits_.bytes - bytes_);
@@ -316,7 +321,7 @@ std::optional<EncodedMotion> MotionWriter::add_first_pulses(MotionSegment& segme
     keep_first_pulses(segment, pulses);
     encoded = encode(segment);
   }
-  if (encoded) count(segment, *encoded);
+  if (encoded) count(segment.pulses, encoded->bytes.size());
   return encoded;
 }
 

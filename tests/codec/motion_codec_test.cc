@@ -232,6 +232,22 @@ TEST(MotionWriter, makes_a_file_of_segments_whose_pulses_follow_each_other) {
   EXPECT_EQ(reader->decode(2, 0), nullptr);
 }
 
+TEST(MotionWriter, takes_a_segment_that_is_encoded_already_as_one_that_it_encodes) {
+  const MotionSegment first = moving_tube(5);
+  MotionSegment second = random_segment(3, 4, 30, 50);
+  for (int64_t& pulse : second.pulses) pulse += 105;
+  const auto encoded = encode_motion(first, {});
+  ASSERT_TRUE(encoded);
+  EXPECT_EQ(encoded->bytes, MotionWriter({}).add(first)->bytes);
+  const uint64_t limit = MotionWriter::header().size() + encoded->bytes.size();
+  MotionWriter writer({}, {.bytes = limit});
+  EXPECT_TRUE(writer.add_encoded(first.pulses, encoded->bytes.size()));
+  EXPECT_FALSE(writer.add_encoded(first.pulses, encoded->bytes.size())) << "pulses overlap";
+  EXPECT_FALSE(writer.is_full());
+  EXPECT_FALSE(writer.add_encoded(second.pulses, 1)) << "no room";
+  EXPECT_TRUE(writer.is_full());
+}
+
 TEST(MotionWriter, lets_a_segment_begin_at_the_last_pulse_of_the_one_before) {
   MotionSegment first = moving_tube(5), second = random_segment(3, 4, 30, 50);
   const int64_t shared = first.pulses.back();
