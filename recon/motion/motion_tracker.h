@@ -1,48 +1,19 @@
 // Tracking of a whole take: key pulses, and the segments around them.
 #pragma once
 
-#include <cstdint>
-#include <functional>
-#include <optional>
-#include <string>
 #include <vector>
 
 #include "codec/motion_codec.h"
+#include "recon/motion/segment_plan.h"
 #include "recon/motion/segment_tracker.h"
 
 namespace v3d::recon {
-
-/// How well the mesh of a pulse serves as a template.
-struct KeyQuality {
-  double area_m2 = 0;                ///< of the surface
-  std::optional<double> seen_share;  ///< part that at least two cameras see; empty without cameras
-  int components = 0;                ///< connected components; 0: no surface
-  double handles = 0;  ///< genus: openings between parts that touch, and tunnels of bad surface
-
-  /// Seen area, less what each component and handle costs. More is better. Without cameras, the
-  /// part `share_without_cameras` counts as seen. Empty for a pulse without a surface.
-  std::optional<double> score(double share_without_cameras) const;
-};
-
-/// Source: Collet et al., High-quality streamable free-viewpoint video, SIGGRAPH 2015, section 5
-/// (choice of key frames by area and genus). Here only seen area counts. Works in the caller's TBB
-/// arena.
-KeyQuality key_quality(const ObservedPulse& observed);
-
-/// Pulses without a tracked surface.
-struct UntrackedPulses {
-  size_t first = 0, last = 0;  ///< indices of the take's pulses
-  std::string reason;
-};
 
 struct TrackedMotion {
   /// By ascending pulses. Two segments share a pulse only as TrackedSegment::shares_last says.
   std::vector<TrackedSegment> segments;
   std::vector<UntrackedPulses> untracked;  ///< ascending
 };
-
-/// Called before work on a pulse of a take: its index. May throw to end the tracking.
-using OnPulse = std::function<void(size_t index)>;
 
 /// The pulses of a take, as the tracker reads them.
 struct TakeSource {
@@ -52,6 +23,32 @@ struct TakeSource {
   /// KeyQuality::score() is not below that of `pulses`.
   PulseSource surfaces;
   SurfaceColours colours{};  ///< null: the tracked surfaces get no colours
+};
+
+/// The segment of a range, and what it covers.
+struct TrackedRange {
+  TrackedSegment segment;
+  SegmentExtent extent;
+};
+
+/// Tracks one range of a take after the other. The segment of a range depends on the take and the
+/// range alone, so several processes can track the ranges of a take. One caller at a time; works in
+/// the caller's TBB arena. Deterministic: independent of thread count.
+class RangeTracker {
+ public:
+  /// All arguments are borrowed. `survey`: survey_pulses() of the take.
+  RangeTracker(const TakeSource& take, const TakeSurvey& survey, const TrackingOptions& options,
+               const OnPulse& on_pulse);
+
+  /// track_segment() from the best key pulse of `range`, an interval of the survey or rest_of()
+  /// one.
+  TrackedRange track(const SegmentRange& range);
+
+ private:
+  const TakeSource& take_;
+  const TrackingOptions& options_;
+  const PulseSource watched_;  ///< the take's pulses, reported before they are read
+  KeyChooser keys_;
 };
 
 /// Tracks the pulses 0 to `count` - 1 of `take`. Pulses without a surface separate intervals, and
