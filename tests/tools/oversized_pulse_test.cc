@@ -17,6 +17,7 @@
 #include "take/take.h"
 #include "tools/test_images.h"
 #include "v3dctl/import/import.h"
+#include "v3dctl/reconstruct/sharded_reconstruction.h"
 #include "v3dctl/reconstruct/take_reconstruction.h"
 #include "v3dctl/reconstruct/task_runner.h"
 
@@ -36,6 +37,7 @@ class InlineTaskRunner : public TaskRunner {
   void start(const std::vector<int64_t>& missing, int64_t /*count*/) override {
     for (const int64_t shard : missing) reconstruct_shards(folder_, {shard, shard + 1}, 2);
   }
+  void start_each(const std::vector<take::FrameRange>& /*ranges*/) override {}
   bool poll() override { return false; }
   void cancel() override {}
   std::string failure() const override { return {}; }

@@ -1,30 +1,29 @@
 // reconstruct: makes the meshes of a take; and reconstruct-shards, a task of it.
-#include <sys/prctl.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <csignal>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <numeric>
+#include <optional>
 
 #include "base/core/error.h"
 #include "base/core/statistics.h"
 #include "base/core/text.h"
 #include "base/geometry/rigid_transform.h"
-#include "base/io/child_process.h"
 #include "common/console.h"
 #include "take/take.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/options.h"
 #include "v3dctl/reconstruct/reconstruct_options.h"
+#include "v3dctl/reconstruct/sharded_reconstruction.h"
 #include "v3dctl/reconstruct/take_reconstruction.h"
-#include "v3dctl/reconstruct/task_runner.h"
+#include "v3dctl/reconstruct/task_options.h"
 
 namespace v3d::ctl {
 namespace {
 
 using Json = nlohmann::ordered_json;
+
+constexpr char kReconstructTask[] = "reconstruct-shards";
 
 double min_of(const std::vector<double>& values) {
   return *std::min_element(values.begin(), values.end());
@@ -205,38 +204,20 @@ void print_text(const ReconstructReport& report) {
               frames_per_second(report), report.threads, report.peak_rss_mb);
 }
 
-ReconstructReport by_processes(const ReconstructRequest& request, int processes) {
-  const int threads = std::max(1, threads_of(request) / processes);
-  ReconstructReport report = reconstruct_sharded(
-      request, threads * processes, [&](const ShardFolder& folder, const ReconstructRequest&) {
-        return std::make_unique<LocalTaskRunner>(folder, processes, threads);
-      });
-  report.processes = processes;
-  return report;
-}
-
-/// At live quality: few shards use a whole cluster, many reduce the share of a task's start-up.
-constexpr int64_t kMinShardsPerTask = 4;
-
-ReconstructReport by_slurm(const ReconstructRequest& request, const std::string& partition) {
-  const int threads = std::max(1, request.threads);
-  ReconstructReport report = reconstruct_sharded(
-      request, threads, [&](const ShardFolder& folder, const ReconstructRequest& complete) {
-        const int64_t min_shards = complete.quality == Quality::kHigh ? 1 : kMinShardsPerTask;
-        return std::make_unique<SlurmTaskRunner>(folder, partition, threads, min_shards);
-      });
-  report.processes = 0;
-  return report;
-}
-
 ReconstructReport reconstruct(const ReconstructArguments& arguments) {
-  if (arguments.processes > 0) return by_processes(arguments.request, arguments.processes);
-  if (!arguments.slurm) return reconstruct_take(arguments.request);
-  if (has_program("sbatch")) return by_slurm(arguments.request, arguments.partition);
-  const int cores = threads_of({});
-  note("no Slurm on this PC (no sbatch on the PATH): using " + std::to_string(cores) +
-       " processes");
-  return by_processes(arguments.request, cores);
+  // At live quality: few shards use a whole cluster, many reduce the share of a task's start-up.
+  constexpr int64_t kMinShardsPerTask = 4;
+  const ReconstructRequest& request = arguments.request;
+  const std::optional<TaskPlaces> places = task_places(arguments.tasks, request.threads);
+  if (!places) return reconstruct_take(request);
+  ReconstructReport report = reconstruct_sharded(
+      request, places->all_threads(),
+      [&](const ShardFolder& folder, const ReconstructRequest& complete) {
+        const int64_t min_shards = complete.quality == Quality::kHigh ? 1 : kMinShardsPerTask;
+        return make_task_runner(*places, folder, kReconstructTask, min_shards);
+      });
+  report.processes = places->processes;
+  return report;
 }
 
 /// Reports on stderr what is not whole. Returns the exit status.
@@ -273,37 +254,6 @@ int run(const CommandLine& line, ReconstructArguments arguments) {
   return report_gaps(report, arguments.request.take);
 }
 
-// --- reconstruct-shards: a task of reconstruct --processes or --slurm ---------------------------
-
-struct ShardArguments {
-  std::string folder, shards;
-  int threads = 1;
-  int parent = 0;
-};
-
-int run_shards(const ShardArguments& arguments) {
-  catch_interrupts();
-  if (arguments.parent != 0) {
-    prctl(PR_SET_PDEATHSIG, SIGTERM);
-    if (getppid() != arguments.parent) return kExitFailed;  // the parent ended before prctl()
-  }
-  reconstruct_shards(ShardFolder(arguments.folder), parse_frame_range(arguments.shards),
-                     arguments.threads);
-  return kExitDone;
-}
-
-void add_reconstruct_shards(CommandLine& line) {
-  cli::Command command = line.add("reconstruct-shards", "A task of v3dctl reconstruct", {});
-  command.hide();  // not in the help
-  auto arguments = std::make_shared<ShardArguments>();
-  command.add_option("FOLDER", arguments->folder, "The folder of shards").required();
-  command.add_option("SHARDS", arguments->shards, "Indices of shards in the take: A:B is A to B-1")
-      .required();
-  command.add_option("--threads", arguments->threads, "Worker threads");
-  command.add_option("--parent", arguments->parent, "End when this process ends");
-  line.on_run(command, [arguments] { return run_shards(*arguments); });
-}
-
 }  // namespace
 
 void add_reconstruct(CommandLine& line) {
@@ -316,7 +266,10 @@ void add_reconstruct(CommandLine& line) {
   auto arguments = std::make_shared<ReconstructArguments>();
   add_reconstruct_options(command, *arguments);
   line.on_run(command, [&line, arguments] { return run(line, *arguments); });
-  add_reconstruct_shards(line);
+  add_task_command(line, kReconstructTask, "A task of v3dctl reconstruct",
+                   [](const std::string& folder, take::FrameRange shards, int threads) {
+                     reconstruct_shards(ShardFolder(folder), shards, threads);
+                   });
 }
 
 }  // namespace v3d::ctl

@@ -139,21 +139,7 @@ void add_reconstruct_options(cli::Command command, ReconstructArguments& argumen
                   "Worker threads (otherwise one per core); the result is the same")
       .type_name("N")
       .check(cli::integer_in(1, 1024));
-  cli::Option processes =
-      command
-          .add_option(
-              "--processes", arguments.processes,
-              "Divide the take among this many processes; the result is the same, and a repeated "
-              "command continues an interrupted run")
-          .type_name("N")
-          .check(cli::integer_in(1, 1024));
-  cli::Option slurm = command.add_flag(
-      "--slurm", arguments.slurm,
-      "Divide the take among the nodes of a Slurm cluster; without Slurm, one process per core");
-  slurm.excludes(processes);
-  command.add_option("--partition", arguments.partition, "The partition of the cluster")
-      .type_name("NAME")
-      .needs(slurm);
+  add_task_options(command, arguments.tasks);
   command
       .add_option("--leave-out", arguments.leave_out,
                   "Cameras to leave out, for a comparison by evaluate --held-out")

@@ -7,16 +7,16 @@
 #include "recon/surface/deform.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/reconstruct/reconstruct_request.h"
+#include "v3dctl/reconstruct/task_options.h"
 
 namespace v3d::ctl {
 
 struct ReconstructArguments {
   ReconstructRequest request;
   std::string voxel, bounds, quality, proxy, proxy_quality, deform, frames, leave_out;
-  std::string partition, repair_pulses, passes;
+  std::string repair_pulses, passes;
+  TaskArguments tasks;
   int min_views = 0;
-  int processes = 0;
-  bool slurm = false;
   bool no_smoothing = false;
   bool json = false;
 };

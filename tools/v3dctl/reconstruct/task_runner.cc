@@ -47,14 +47,17 @@ pid_t start_process(const std::vector<std::string>& words, const std::filesystem
 
 }  // namespace
 
-std::vector<std::string> task_words(const std::string& folder, const std::string& range,
-                                    int threads) {
+std::vector<std::string> task_words(const std::string& command, const std::string& folder,
+                                    const std::string& range, int threads) {
   const std::string program = std::filesystem::read_symlink("/proc/self/exe");
-  return {program, "reconstruct-shards", folder, range, "--threads", std::to_string(threads)};
+  return {program, command, folder, range, "--threads", std::to_string(threads)};
 }
 
-LocalTaskRunner::LocalTaskRunner(ShardFolder folder, int processes, int threads)
-    : folder_(std::move(folder)), processes_(static_cast<size_t>(processes)), threads_(threads) {}
+LocalTaskRunner::LocalTaskRunner(TaskFolder folder, std::string command, int processes, int threads)
+    : folder_(std::move(folder)),
+      command_(std::move(command)),
+      processes_(static_cast<size_t>(processes)),
+      threads_(threads) {}
 
 LocalTaskRunner::~LocalTaskRunner() { cancel(); }
 
@@ -70,10 +73,15 @@ void LocalTaskRunner::start(const std::vector<int64_t>& missing, int64_t) {
   }
 }
 
+void LocalTaskRunner::start_each(const std::vector<take::FrameRange>& ranges) {
+  if (running_.empty() && queue_.empty()) signal_ = 0;
+  queue_.insert(queue_.end(), ranges.begin(), ranges.end());
+}
+
 void LocalTaskRunner::start_task(take::FrameRange shards) {
   const std::string first = std::to_string(shards.begin);
   std::vector<std::string> words =
-      task_words(folder_.path(), first + ":" + std::to_string(shards.end), threads_);
+      task_words(command_, folder_.path(), first + ":" + std::to_string(shards.end), threads_);
   words.insert(words.end(), {"--parent", std::to_string(getpid())});
   running_.push_back(start_process(words, folder_.path() / ("task-" + first + ".log")));
 }
@@ -124,9 +132,11 @@ void LocalTaskRunner::cancel() {
 
 namespace {
 
-/// Largest number of tasks. Each task first repeats the segmentation of earlier pulses, so more
-/// tasks cost more. Slurm's default limit of an array is 1,000.
+/// Largest number of tasks of start(). Each task first repeats the segmentation of earlier pulses,
+/// so more tasks cost more.
 constexpr int64_t kMaxTasks = 100;
+/// Largest number of tasks of one job: Slurm's default limit of an array.
+constexpr size_t kMaxArray = 1000;
 constexpr auto kQueryPeriod = std::chrono::seconds(1);
 constexpr auto kReportAfter = std::chrono::seconds(10);
 /// Longer than Slurm's default time between SIGTERM and SIGKILL.
@@ -164,17 +174,6 @@ std::string quoted(const std::string& word) {
   return text + "'";
 }
 
-/// Increasing numbers as "0-3,7".
-std::string ranges_of(const std::vector<int64_t>& numbers) {
-  std::string text;
-  for (size_t first = 0, last = 0; first < numbers.size(); first = ++last) {
-    while (last + 1 < numbers.size() && numbers[last + 1] == numbers[last] + 1) ++last;
-    text += (text.empty() ? "" : ",") + std::to_string(numbers[first]);
-    if (last > first) text += "-" + std::to_string(numbers[last]);
-  }
-  return text;
-}
-
 /// Path of the task logs; Slurm replaces %a by the number of the task and %% by %.
 std::string log_pattern(const std::string& folder) {
   std::string text;
@@ -182,13 +181,16 @@ std::string log_pattern(const std::string& folder) {
   return text + "/task-%a.log";
 }
 
-/// Script of all tasks: the shell computes the range of shards from the number of the task.
-std::string script(const std::string& folder, int64_t shards_per_task, int threads) {
-  const std::string n = std::to_string(shards_per_task);
-  const std::string range =
-      "$((SLURM_ARRAY_TASK_ID * " + n + ")):$((SLURM_ARRAY_TASK_ID * " + n + " + " + n + "))";
-  std::string text = "exec";
-  for (const std::string& word : task_words(folder, range, threads)) {
+/// Script of all tasks: the shell takes the range from the list by the number of the task.
+std::string script(const std::string& command, const std::string& folder,
+                   std::span<const take::FrameRange> ranges, int threads) {
+  const std::string range = "\"$1\"";
+  std::string text = "set --";
+  for (const take::FrameRange& shards : ranges) {
+    text += " " + std::to_string(shards.begin) + ":" + std::to_string(shards.end);
+  }
+  text += "; shift $SLURM_ARRAY_TASK_ID; exec";
+  for (const std::string& word : task_words(command, folder, range, threads)) {
     text += " " + (word == range ? word : quoted(word));
   }
   return text;
@@ -196,9 +198,10 @@ std::string script(const std::string& folder, int64_t shards_per_task, int threa
 
 }  // namespace
 
-SlurmTaskRunner::SlurmTaskRunner(ShardFolder folder, std::string partition, int threads,
-                                 int64_t min_shards)
+SlurmTaskRunner::SlurmTaskRunner(TaskFolder folder, std::string command, std::string partition,
+                                 int threads, int64_t min_shards)
     : folder_(std::move(folder)),
+      command_(std::move(command)),
       partition_(std::move(partition)),
       threads_(threads),
       min_shards_(min_shards),
@@ -208,21 +211,36 @@ SlurmTaskRunner::~SlurmTaskRunner() { cancel(); }
 
 void SlurmTaskRunner::start(const std::vector<int64_t>& missing, int64_t count) {
   const int64_t shards = std::max(min_shards_, (count + kMaxTasks - 1) / kMaxTasks);
-  std::vector<int64_t> tasks;
+  std::vector<take::FrameRange> ranges;
   for (const int64_t index : missing) {
-    if (tasks.empty() || tasks.back() != index / shards) tasks.push_back(index / shards);
+    const int64_t first = index / shards * shards;
+    if (ranges.empty() || ranges.back().begin != first) ranges.push_back({first, first + shards});
   }
+  cancel_by_name();
+  submit(ranges, shards);
+}
+
+void SlurmTaskRunner::start_each(const std::vector<take::FrameRange>& ranges) {
+  if (jobs_.empty()) cancel_by_name();
+  for (size_t first = 0; first < ranges.size(); first += kMaxArray) {
+    submit(std::span(ranges).subspan(first, std::min(kMaxArray, ranges.size() - first)), 1);
+  }
+}
+
+void SlurmTaskRunner::cancel_by_name() const {
+  run_process({"scancel", "--me", "--name=" + name_}, Output::kCaptureBoth);
+}
+
+void SlurmTaskRunner::submit(std::span<const take::FrameRange> ranges, int64_t shards) {
   std::vector<std::string> words = {"sbatch",
                                     "--parsable",
                                     "--open-mode=append",
                                     "--job-name=" + name_,
-                                    "--array=" + ranges_of(tasks),
+                                    "--array=0-" + std::to_string(ranges.size() - 1),
                                     "--output=" + log_pattern(folder_.path()),
                                     "--cpus-per-task=" + std::to_string(threads_),
-                                    "--wrap=" + script(folder_.path(), shards, threads_)};
+                                    "--wrap=" + script(command_, folder_.path(), ranges, threads_)};
   if (!partition_.empty()) words.push_back("--partition=" + partition_);
-  // Cancel the job of a run that was killed.
-  run_process({"scancel", "--me", "--name=" + name_}, Output::kCaptureBoth);
   const ProcessResult submitted = run_process(words, Output::kCaptureBoth);
   if (submitted.status != 0) {
     // Ctrl-C may have ended sbatch after it submitted the job.
@@ -230,20 +248,21 @@ void SlurmTaskRunner::start(const std::vector<int64_t>& missing, int64_t count) 
     if (interrupted()) return;
     throw InputError("Slurm rejects the job: " + error_text(submitted));
   }
-  job_ = submitted.output.substr(0, submitted.output.find_first_of(";\n"));
+  const std::string& job =
+      jobs_.emplace_back(submitted.output.substr(0, submitted.output.find_first_of(";\n")));
   next_query_ = idle_since_ = Monotonic::now();
-  note("slurm job " + job_ + ": " + count_of(std::ssize(tasks), "task") + " of up to " +
+  note("slurm job " + job + ": " + count_of(std::ssize(ranges), "task") + " of up to " +
        count_of(shards, "shard"));
 }
 
 bool SlurmTaskRunner::poll() {
-  if (job_.empty()) return false;
+  if (jobs_.empty()) return false;
   pause_slurm();
   if (Monotonic::now() < next_query_) return true;
   query_queue();
   report_waiting();
   next_query_ = Monotonic::now() + kQueryPeriod;
-  return !job_.empty();
+  return !jobs_.empty();
 }
 
 void SlurmTaskRunner::query_queue() {
@@ -255,35 +274,45 @@ void SlurmTaskRunner::query_queue() {
     return;
   }
   query_failed_ = false;
-  bool listed = false, running = false;
+  bool running = false;
+  std::set<std::string> listed;
   std::istringstream lines(queue.output);
   std::string job, state, reason;
   while (lines >> job >> state && std::getline(lines >> std::ws, reason)) {
-    if (job != job_) continue;
-    listed = true;
+    if (std::ranges::find(jobs_, job) == jobs_.end()) continue;
+    listed.insert(job);
     running |= state != "PD";
     reason_ = reason;
   }
-  if (!listed) job_.clear();
+  std::erase_if(jobs_, [&](const std::string& number) { return !listed.contains(number); });
   if (running) reason_.clear();
 }
 
 void SlurmTaskRunner::report_waiting() {
   if (reason_.empty()) idle_since_ = Monotonic::now();
   if (Monotonic::now() - idle_since_ < kReportAfter || !reported_.insert(reason_).second) return;
-  note("slurm job " + job_ + " waits: " + reason_);
+  note("slurm job " + jobs_text() + " waits: " + reason_);
+}
+
+std::string SlurmTaskRunner::jobs_text() const {
+  std::string text;
+  for (const std::string& job : jobs_) text += (text.empty() ? "" : ",") + job;
+  return text;
 }
 
 void SlurmTaskRunner::cancel() {
   const MonotonicInstant deadline = Monotonic::now() + kSlurmCancelTimeout;
-  // Does not ask squeue first, because squeue may fail while the job runs.
-  bool cancelled = false;
-  for (; !job_.empty() && Monotonic::now() < deadline; query_queue()) {
-    if (!cancelled) cancelled = run_slurm({"scancel", job_}).status == 0;
+  // Does not ask squeue first, because squeue may fail while the jobs run.
+  std::set<std::string> cancelled;
+  for (; !jobs_.empty() && Monotonic::now() < deadline; query_queue()) {
+    for (const std::string& job : jobs_) {
+      if (cancelled.contains(job) || run_slurm({"scancel", job}).status != 0) continue;
+      cancelled.insert(job);
+    }
     pause_slurm();
   }
-  if (!job_.empty()) note("slurm job " + job_ + " has not ended; see squeue");
-  job_.clear();
+  if (!jobs_.empty()) note("slurm job " + jobs_text() + " has not ended; see squeue");
+  jobs_.clear();
 }
 
 std::string SlurmTaskRunner::hint() const {
