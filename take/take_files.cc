@@ -128,7 +128,7 @@ io::Result<std::vector<std::string>> foreign_folders(const TakePaths& paths) {
   if (!folders) return folders;
   std::vector<std::string> foreign;
   for (const std::string& folder : *folders) {
-    if (folder.starts_with(".shards-")) continue;  // of v3dctl reconstruct
+    if (folder.starts_with(".shards-")) continue;  // of v3dctl reconstruct and track
     if (folder != background && folder != sound) {
       foreign.push_back(folder);
       continue;

@@ -72,7 +72,7 @@ void add_camera_colours(CommandLine& line);
 void add_performers(CommandLine& line);
 void add_skeleton(CommandLine& line);
 void add_edit(CommandLine& line);
-void add_track(CommandLine& line);
+void add_track(CommandLine& line);  ///< and track-shards, which is not in the help
 void add_evaluate(CommandLine& line);
 void add_export(CommandLine& line);
 void add_render(CommandLine& line);

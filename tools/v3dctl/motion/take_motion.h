@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -12,6 +13,7 @@
 #include "codec/motion_header.h"
 #include "recon/motion/motion_tracker.h"
 #include "take/take.h"
+#include "v3dctl/motion/pulse_source.h"
 
 namespace v3d::ctl {
 
@@ -74,5 +76,23 @@ struct TrackReport {
 TrackReport track_take(const TrackRequest& request,
                        const std::function<void(int64_t pulses)>& on_begin,
                        const std::function<void()>& on_pulse);
+
+// Steps of track_take(), also for sharded_tracking.h.
+
+/// Throws as open_take_pulses() and open_mesh_folder().
+std::unique_ptr<ObservedPulses> open_input(const TrackRequest& request);
+/// `input` is borrowed.
+recon::TakeSource source_of(ObservedPulses& input);
+/// Calls `on_pulse`, which is borrowed, and throws std::runtime_error after an interrupt.
+recon::OnPulse interruptible(const std::function<void()>& on_pulse);
+/// Throws InputError where the steps of motion.v3d do not reach from the middle of the first
+/// surface to its ends: before the tracking, which takes seconds a pulse.
+void require_steps(const TrackRequest& request, ObservedPulses& input);
+/// Throws the InputError for an input without a surface in any pulse.
+[[noreturn]] void reject_without_surface(const TrackRequest& request);
+/// Replaces the result. Throws std::runtime_error for errors of the disk.
+void write_motion(const TrackRequest& request, const std::string& bytes);
+/// The requested number, otherwise one per core.
+int tracking_threads(int requested);
 
 }  // namespace v3d::ctl

@@ -15,8 +15,10 @@
 #include "take/take.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/evaluate/evaluation_json.h"
+#include "v3dctl/motion/sharded_tracking.h"
 #include "v3dctl/motion/take_motion.h"
 #include "v3dctl/options.h"
+#include "v3dctl/reconstruct/task_options.h"
 
 namespace v3d::ctl {
 namespace {
@@ -28,8 +30,11 @@ struct Arguments {
   std::string frames, without, height, step = "0.5mm";
   int64_t triangles = 30'000;
   int threads = 0;
+  TaskArguments tasks;
   bool json = false;
 };
+
+constexpr char kTrackTask[] = "track-shards";
 
 recon::TrackingOptions tracking_of(const Arguments& arguments) {
   recon::TrackingOptions options;
@@ -251,20 +256,28 @@ int report_gaps(const TrackReport& report, const TrackRequest& request) {
   return report.is_unfinished ? report_missing_index(take::TakePaths{input}.mesh()) : status;
 }
 
+/// Tracks in this process or by tasks, and shows the progress.
+TrackReport track(const TrackRequest& request, const TaskArguments& tasks) {
+  std::optional<Progress> progress;
+  int64_t turns = 0;
+  // The surface of a pulse is read for the choice of key pulses, and the pulse in each of two
+  // passes; once more where a segment ends, and where it may be a key pulse.
+  const auto on_begin = [&](int64_t pulses) { progress.emplace("track", turns = 3 * pulses); };
+  const auto on_pulse = [&] {
+    if (turns-- > 0) progress->advance();
+  };
+  const std::optional<TaskPlaces> places = task_places(tasks, request.threads);
+  if (!places) return track_take(request, on_begin, on_pulse);
+  const auto make_runner = [&](const TaskFolder& folder) {
+    return make_task_runner(*places, folder, kTrackTask, 1);
+  };
+  return track_sharded(request, make_runner, on_begin, on_pulse);
+}
+
 int run(const Arguments& arguments) {
   const TrackRequest request = request_of(arguments);
   catch_interrupts();
-  std::optional<Progress> progress;
-  int64_t turns = 0;
-  const TrackReport report = track_take(
-      request,
-      // The surface of a pulse is read for the choice of key pulses, and the pulse in each of two
-      // passes; once more where a segment ends, and where it may be a key pulse.
-      [&](int64_t pulses) { progress.emplace("track", turns = 3 * pulses); },
-      [&] {
-        if (turns-- > 0) progress->advance();
-      });
-  progress.reset();
+  const TrackReport report = track(request, arguments.tasks);
   std::optional<Comparison> truth;
   if (!arguments.truth.empty()) truth = compare_with_truth(arguments);
   if (arguments.json) {
@@ -284,7 +297,8 @@ void add_track(CommandLine& line) {
   cli::Command command = line.add(
       "track", "Follow the surface of a take through its pulses (motion.v3d)",
       {"v3dctl track dancer", "v3dctl track dancer --frames 100:200 --json",
-       "v3dctl track sim-01 --truth truth", "v3dctl track scans.v3d --meshes scans --height 1.8m"});
+       "v3dctl track sim-01 --truth truth", "v3dctl track scans.v3d --meshes scans --height 1.8m",
+       "v3dctl track kendo-07 --slurm --partition night"});
   auto arguments = std::make_shared<Arguments>();
   command.add_option("TAKE", arguments->take,
                      "The folder of a take, reconstructed with high quality; with --meshes, the "
@@ -318,8 +332,13 @@ void add_track(CommandLine& line) {
       .add_option("--threads", arguments->threads,
                   "Worker threads (otherwise one per core); the result is the same")
       .check(cli::integer_in(1, 1024));
+  add_task_options(command, arguments->tasks);
   add_json_flag(command, arguments->json);
   line.on_run(command, [arguments] { return run(*arguments); });
+  add_task_command(line, kTrackTask, "A task of v3dctl track",
+                   [](const std::string& folder, take::FrameRange shard, int threads) {
+                     track_shard(TrackFolder(folder), shard, threads);
+                   });
 }
 
 }  // namespace v3d::ctl
