@@ -6,8 +6,7 @@
 #include <cmath>
 #include <optional>
 
-#include "sound/sound_input.h"
-#include "sound/sound_output.h"
+#include "sound/sound_device.h"
 
 namespace v3d::sound {
 namespace {

@@ -1,6 +1,7 @@
-// Detector of the pulses of the trigger in a sound channel.
+// Detector of the pulses of the trigger in a sound channel, and the interpolation that it uses.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -17,11 +18,11 @@ namespace v3d::sound {
 /// the pulses. An edge crosses half of that height. A new edge needs a return below a quarter of it
 /// (hysteresis).
 ///
-/// The position between two samples is where the band-limited signal (sound/interpolation.h)
+/// The position between two samples is where the band-limited signal (interpolate())
 /// crosses the threshold. Source of the hysteresis: Schmitt, "A thermionic trigger" (1938).
 ///
 /// Windows without pulses, with hum or with noise alone give no edges. Single clicks may: the
-/// caller compares edges with the train (PulseMap, sound/sample_clock.h). One thread.
+/// caller compares edges with the train (PulseMap, SampleClock). One thread.
 class PulseEdgeDetector {
  public:
   explicit PulseEdgeDetector(int rate_hz);
@@ -70,5 +71,21 @@ class PulseEdgeDetector {
   int strange_windows_ = 0;  ///< consecutive windows with pulses of another height
   bool is_high_ = false;
 };
+
+// Band-limited interpolation between samples.
+
+/// Half width of the interpolation kernel, samples.
+inline constexpr int64_t kKernel = 16;
+
+/// Weights of the 2 * kKernel samples around a position: weight i belongs to sample
+/// floor(position) - kKernel + 1 + i. Their sum is 1.
+///
+/// A sinc with a Hann window. Source: Smith and Gossett, "A flexible sampling-rate conversion
+/// method" (ICASSP 1984).
+std::array<double, 2 * kKernel> interpolation_weights(double position);
+
+/// The band-limited signal at `index`, samples. Outside of `samples` the signal continues with its
+/// first or last value. Requires at least one sample.
+double interpolate(std::span<const float> samples, double index);
 
 }  // namespace v3d::sound

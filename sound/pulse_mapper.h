@@ -11,7 +11,6 @@
 #include "base/core/time.h"
 #include "sound/clock_filter.h"
 #include "sound/pulse_map.h"
-#include "sound/sample_clock.h"
 
 namespace v3d::sound {
 

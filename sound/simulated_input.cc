@@ -9,7 +9,7 @@
 
 #include "base/core/text.h"
 #include "sound/ltc.h"
-#include "sound/sound_input.h"
+#include "sound/sound_device.h"
 
 namespace v3d::sound {
 namespace {

@@ -9,12 +9,12 @@
 
 #include "base/config/studio_file.h"
 #include "base/core/time.h"
+#include "sound/clock_filter.h"
 #include "sound/ltc.h"
 #include "sound/pulse_edges.h"
 #include "sound/pulse_mapper.h"
-#include "sound/sample_clock.h"
-#include "sound/sound_input.h"
-#include "sound/timecode_track.h"
+#include "sound/sound_device.h"
+#include "sound/timecode.h"
 
 namespace v3d::sound {
 

@@ -1,11 +1,14 @@
-// Timecode: arithmetic.
+// Timecode: arithmetic, positions in a recording, and the track of a recording.
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace v3d::sound {
 
@@ -58,6 +61,81 @@ struct LtcFrame {
   bool is_reverse = false;  ///< the tape ran backwards
   int64_t sample = 0;       ///< of its first bit
   int64_t samples = 0;      ///< length
+};
+
+// Timecode of the positions of a recording.
+
+/// Consecutive frames of timecode in a recording. With one frame alone both ends are equal.
+struct TimecodeRun {
+  double first_sample = 0;  ///< where the first frame begins
+  int64_t first_frame = 0;  ///< since midnight: frame_number()
+  double last_sample = 0;   ///< where the last frame begins; not below first_sample
+  int64_t last_frame = 0;   ///< below first_frame where the timecode runs backwards
+  friend bool operator==(const TimecodeRun&, const TimecodeRun&) = default;
+};
+
+/// Frames since midnight at a position, with their fraction: of the run there, or of the nearest
+/// run, continued for less than `reach_s` seconds. The result may exceed a day, as timecode_of()
+/// permits. A position within half a sample before a frame has the number of that frame, because
+/// positions of frames are rounded. Empty far from all runs. `rate_hz`: samples per second.
+std::optional<double> timecode_frames_at(std::span<const TimecodeRun> runs, TimecodeRate rate,
+                                         int rate_hz, double sample, double reach_s = 1);
+
+// TimecodeTrack: the timecode of a recording, from its LTC.
+
+/// A place where the timecode does not continue.
+struct TimecodeJump {
+  double sample = 0;     ///< where the frame after it begins
+  int64_t expected = 0;  ///< that frame, if the timecode had continued: frame_number()
+  int64_t found = 0;     ///< that frame
+  friend bool operator==(const TimecodeJump&, const TimecodeJump&) = default;
+};
+
+/// The timecode of every position of a recording, from the frames that were read. Stores runs of
+/// consecutive frames, kMaxRuns at most: memory does not depend on the length. One thread.
+class TimecodeTrack {
+ public:
+  static constexpr size_t kMaxRuns = 1000;
+
+  /// `rate`: empty to derive it from the length of the first kRateFrames frames and their flag, at
+  /// normal speed.
+  TimecodeTrack(int rate_hz, std::optional<TimecodeRate> rate);
+
+  void add(const LtcFrame& frame);
+
+  /// Empty until it is known.
+  std::optional<TimecodeRate> rate() const { return rate_; }
+  /// The runs of consecutive frames so far, by position.
+  const std::vector<TimecodeRun>& runs() const { return runs_; }
+  /// The timecode at a position, by timecode_frames_at().
+  std::optional<Timecode> at(double sample) const;
+  /// Places where a frame has another number than the frame before it predicts, by the time between
+  /// them. Adjacent frames of which none follows count once: a jump within a frame damages that
+  /// frame, too. A gap after which the timecode is right is no jump.
+  int64_t jumps() const { return jumps_; }
+  const std::optional<TimecodeJump>& first_jump() const { return first_jump_; }
+  int64_t frames() const { return frames_; }
+
+ private:
+  static constexpr size_t kRateFrames = 12;
+
+  void find_rate();
+  void append(const LtcFrame& frame);
+  /// Frames from the one at `last_sample` to `frame`: 1 where it is the next.
+  int64_t steps_to(const LtcFrame& frame, int64_t last_sample) const;
+  void note_jump(const TimecodeJump& jump);
+
+  const int rate_hz_;
+  std::optional<TimecodeRate> rate_;
+  std::vector<LtcFrame> pending_;  ///< before the rate is known
+  std::vector<TimecodeRun> runs_;
+  struct Last {
+    int64_t sample = 0, number = 0;
+  };
+  std::optional<Last> last_;  ///< the last frame
+  int64_t frames_ = 0, jumps_ = 0;
+  std::optional<TimecodeJump> first_jump_;
+  bool has_jumped_ = false;  ///< at the last frame
 };
 
 }  // namespace v3d::sound

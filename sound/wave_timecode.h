@@ -10,7 +10,6 @@
 
 #include "base/core/time.h"
 #include "sound/timecode.h"
-#include "sound/timecode_map.h"
 
 namespace v3d::sound {
 

@@ -5,7 +5,7 @@
 #include <filesystem>
 
 #include "base/core/error.h"
-#include "sound/interpolation.h"
+#include "sound/pulse_edges.h"
 #include "sound/sound_track.h"
 #include "take/ledger/ledger.h"
 

@@ -37,7 +37,7 @@ class TakeSound {
 
   /// `count` samples, left and right in turn, of full scale. Sample k is what was recorded at pulse
   /// `first` + k * `step`; the leading edge of pulse n is at n. Silence before and after a file.
-  /// The sound is resampled (sound/interpolation.h). Throws InputError when a file cannot be read.
+  /// The sound is resampled (sound::interpolate()). Throws InputError when a file cannot be read.
   std::vector<float> read(double first, double step, int64_t count);
 
  private:

@@ -224,7 +224,7 @@ struct StudioViewer {
 /// [[sound]]: a sound input of a node; at most one per node.
 struct StudioSound {
   std::string node;
-  std::string device;  ///< ALSA name, or "simulated:..." (sound/sound_input.h)
+  std::string device;  ///< ALSA name, or "simulated:..." (sound/sound_device.h)
   int channels = 2;
   int rate_hz = 48'000;
   int pulse_channel = 0;      ///< channel with the trigger pulse, from 1; 0: none

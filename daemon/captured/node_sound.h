@@ -18,7 +18,7 @@
 #include "daemon/captured/sound_check.h"
 #include "daemon/captured/sound_receiver.h"
 #include "sound/level_monitor.h"
-#include "sound/sound_input.h"
+#include "sound/sound_device.h"
 #include "sound/sound_track.h"
 #include "sound/timecode_clock.h"
 #include "sound/wave_file.h"

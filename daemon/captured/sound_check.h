@@ -8,7 +8,7 @@
 
 #include "base/config/studio_file.h"
 #include "daemon/captured/sound_receiver.h"
-#include "sound/clap.h"
+#include "sound/level_monitor.h"
 #include "sound/sound_track.h"
 
 namespace v3d::captured {

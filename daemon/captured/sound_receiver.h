@@ -10,7 +10,7 @@
 
 #include "capture/sync/pulse_times.h"
 #include "daemon/bus/subscription_queue.h"
-#include "sound/sound_input.h"
+#include "sound/sound_device.h"
 
 namespace v3d::captured {
 

@@ -7,7 +7,6 @@
 #include "daemon/captured/node_sound.h"
 #include "daemon/captured/time_of_day.h"
 #include "sound/timecode.h"
-#include "sound/timecode_map.h"
 #include "take/ledger/sound_mapping.h"
 #include "take/take_timecode.h"
 

@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "daemon/captured/time_of_day.h"
-#include "sound/ltc_player.h"
+#include "sound/timecode_clock.h"
 
 namespace v3d::captured {
 namespace {

@@ -12,7 +12,7 @@
 #include "base/config/studio_file.h"
 #include "base/io/file.h"
 #include "capture/sync/pulse_times.h"
-#include "sound/sound_output.h"
+#include "sound/sound_device.h"
 #include "sound/timecode_clock.h"
 
 namespace v3d::captured {
@@ -20,10 +20,10 @@ namespace v3d::captured {
 using OpenSoundOutput = std::function<io::Result<std::unique_ptr<sound::SoundOutput>>(
     const StudioTimecodeOutput& output)>;
 
-/// Plays longitudinal timecode on a sound device, in step with the pulses (sound/ltc_player.h), in
-/// a thread of its own. After an error, and when no sample was played for two seconds, the device
-/// is opened again every second; the timecode counts on. Any thread may call the functions; none
-/// waits for the device.
+/// Plays longitudinal timecode on a sound device, in step with the pulses (sound/timecode_clock.h),
+/// in a thread of its own. After an error, and when no sample was played for two seconds, the
+/// device is opened again every second; the timecode counts on. Any thread may call the functions;
+/// none waits for the device.
 class TimecodeOutput {
  public:
   /// The timecode starts now, at the time of day or at StudioTimecodeOutput::start.

@@ -8,7 +8,7 @@
 #include "base/config/toml_file.h"
 #include "base/io/file.h"
 #include "sound/pulse_map.h"
-#include "sound/timecode_map.h"
+#include "sound/timecode.h"
 #include "take/take.h"
 
 namespace v3d::take {

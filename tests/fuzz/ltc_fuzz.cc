@@ -7,7 +7,7 @@
 
 #include "fuzz_input.h"
 #include "sound/ltc.h"
-#include "sound/timecode_track.h"
+#include "sound/timecode.h"
 
 namespace {
 

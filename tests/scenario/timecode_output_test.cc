@@ -7,7 +7,7 @@
 #include <fstream>
 
 #include "sound/ltc.h"
-#include "sound/timecode_track.h"
+#include "sound/timecode.h"
 #include "studio4.h"
 #include "take/logs/frame_log.h"
 #include "take/take_timecode.h"

@@ -1,5 +1,3 @@
-#include "sound/clap.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -7,6 +5,7 @@
 #include <random>
 
 #include "pulse_signal.h"
+#include "sound/level_monitor.h"
 
 namespace v3d::sound {
 namespace {

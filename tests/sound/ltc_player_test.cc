@@ -1,6 +1,4 @@
 // Tests of timecode that is put out in step with the pulses, in virtual time.
-#include "sound/ltc_player.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -9,7 +7,8 @@
 #include <random>
 
 #include "sound/sound_track.h"
-#include "sound/timecode_track.h"
+#include "sound/timecode.h"
+#include "sound/timecode_clock.h"
 
 namespace v3d::sound {
 namespace {

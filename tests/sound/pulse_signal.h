@@ -5,7 +5,7 @@
 #include <random>
 #include <vector>
 
-#include "sound/sound_input.h"
+#include "sound/sound_device.h"
 
 namespace v3d::test {
 

@@ -10,8 +10,8 @@
 #include <fstream>
 
 #include "pulse_signal.h"
-#include "sound/clap.h"
-#include "sound/sound_input.h"
+#include "sound/level_monitor.h"
+#include "sound/sound_device.h"
 
 namespace v3d::sound {
 namespace {

@@ -9,7 +9,6 @@
 
 #include "pulse_signal.h"
 #include "sound/ltc.h"
-#include "sound/timecode_track.h"
 
 namespace v3d::sound {
 namespace {

@@ -11,8 +11,8 @@
 
 #include "base/io/file.h"
 #include "daemon/captured/node_sound.h"
-#include "sound/sound_output.h"
-#include "sound/timecode_track.h"
+#include "sound/sound_device.h"
+#include "sound/timecode.h"
 #include "support/child_process.h"
 #include "support/temporary_folder.h"
 

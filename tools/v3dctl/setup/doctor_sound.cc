@@ -2,8 +2,7 @@
 #include <optional>
 #include <utility>
 
-#include "sound/sound_input.h"
-#include "sound/sound_output.h"
+#include "sound/sound_device.h"
 #include "v3dctl/setup/doctor.h"
 
 namespace v3d::ctl {

@@ -4,7 +4,7 @@
 
 #include "base/core/error.h"
 #include "capture/segmentation/motion_stops.h"
-#include "sound/clap.h"
+#include "sound/level_monitor.h"
 #include "take/logs/frame_log.h"
 #include "take/take_sound.h"
 
