@@ -11,7 +11,7 @@
 
 #include "codec/coded_surface.h"
 #include "codec/colour_code.h"
-#include "codec/vertex_tree.h"
+#include "codec/vertex_hierarchy.h"
 #include "codec/vertex_values.h"
 
 namespace v3d::codec {

@@ -3,7 +3,6 @@
 #include "codec/camera_colours.h"
 #include "codec/coded_surface.h"
 #include "codec/frame_codec.h"
-#include "codec/vertex_labels.h"
 #include "codec/vertex_values.h"
 
 namespace v3d::codec {

@@ -5,7 +5,6 @@
 
 #include "codec/camera_colours.h"
 #include "codec/check.h"
-#include "codec/vertex_labels.h"
 #include "codec/vertex_values.h"
 
 namespace v3d::codec {

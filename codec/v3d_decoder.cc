@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "codec/exception_barrier.h"
+#include "codec/check.h"
 #include "codec/frame_codec.h"
 
 struct v3d_decoder {  // NOLINT(readability-identifier-naming): named by the C header

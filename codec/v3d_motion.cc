@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "codec/exception_barrier.h"
+#include "codec/check.h"
 #include "codec/motion_codec.h"
 #include "codec/v3d_decoder.h"
 

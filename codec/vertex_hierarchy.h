@@ -1,4 +1,4 @@
-// Levels of detail of the vertices of a mesh, from coarse to fine, for prediction by interpolation.
+// Orders of the vertices of a surface: hierarchy by their triangles, binary tree by their position.
 #pragma once
 
 #include <array>
@@ -53,6 +53,33 @@ class VertexHierarchy {
   std::vector<uint32_t> first_;       ///< [vertex]: position of its first coarse neighbour; and end
   std::vector<uint32_t> neighbours_;  ///< coarse neighbours of all vertices
   std::vector<int16_t> weights_;      ///< for each of neighbours_
+};
+
+// Binary tree over the vertices of a surface by their position, for transforms of their values.
+
+/// Morton code of a position: the bits of x, y and z interleaved, those of x lowest. Uses the
+/// lowest 21 bits of each.
+uint64_t morton_code(uint32_t x, uint32_t y, uint32_t z);
+
+/// The radix tree of the Morton codes of all vertices: each inner node divides its vertices by the
+/// highest bit in which their codes differ. Vertices with equal codes are divided one by one, in
+/// the order of their numbers. docs/compact-frame.md is normative.
+class VertexTree {
+ public:
+  struct Node {
+    uint32_t low, high;  ///< children: a vertex (below vertices()), or vertices() + an inner node
+  };
+
+  /// `codes`: the Morton code of each vertex.
+  explicit VertexTree(std::span<const uint64_t> codes);
+
+  uint32_t vertices() const { return vertices_; }
+  /// All inner nodes, one less than the vertices. Children precede their parents; the root is last.
+  std::span<const Node> nodes() const { return nodes_; }
+
+ private:
+  uint32_t vertices_;
+  std::vector<Node> nodes_;
 };
 
 }  // namespace v3d::codec

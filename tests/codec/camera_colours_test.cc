@@ -11,7 +11,7 @@
 #include "codec/byte_stream.h"
 #include "codec/frame_codec.h"
 #include "codec/frame_reviser.h"
-#include "codec/vertex_tree.h"
+#include "codec/vertex_hierarchy.h"
 #include "tests/codec/coded_scene.h"
 
 extern "C" size_t seen_in_c(const uint8_t* bytes, size_t size, size_t camera);
