@@ -8,7 +8,7 @@
 #include "daemon/captured/time_of_day.h"
 #include "sound/timecode.h"
 #include "take/ledger/sound_mapping.h"
-#include "take/take_timecode.h"
+#include "take/take_sound.h"
 
 namespace v3d::captured {
 namespace {

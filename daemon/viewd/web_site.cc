@@ -23,7 +23,7 @@
 #include "daemon/viewd/view_json.h"
 #include "daemon/web/web_access.h"
 #include "take/ledger/ledger.h"
-#include "take/take_listing_cache.h"
+#include "take/take_listing.h"
 
 namespace v3d::viewd {
 namespace {

@@ -10,7 +10,6 @@
 #include "base/io/file.h"
 #include "take/ledger/file_check.h"
 #include "take/ledger/ledger.h"
-#include "take/ledger/segment_indexing.h"
 #include "take/ledger/sound_mapping.h"
 #include "take/ledger/take_account.h"
 #include "take/logs/event_log.h"

@@ -10,7 +10,7 @@
 #include "sound/timecode.h"
 #include "studio4.h"
 #include "take/logs/frame_log.h"
-#include "take/take_timecode.h"
+#include "take/take_sound.h"
 
 namespace v3d::test {
 namespace {

@@ -1,5 +1,3 @@
-#include "take/take_listing_cache.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -11,6 +9,7 @@
 #include "support/bytes_read.h"
 #include "support/temporary_folder.h"
 #include "take/logs/mesh_file.h"
+#include "take/take_listing.h"
 
 namespace v3d::take {
 namespace {

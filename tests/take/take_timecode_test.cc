@@ -1,9 +1,8 @@
-#include "take/take_timecode.h"
-
 #include <gtest/gtest.h>
 
 #include "support/sounding_take.h"
 #include "support/temporary_folder.h"
+#include "take/take_sound.h"
 
 namespace v3d::take {
 namespace {

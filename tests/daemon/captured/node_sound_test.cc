@@ -14,7 +14,7 @@
 #include "support/sounding_take.h"
 #include "support/temporary_folder.h"
 #include "support/wait_for_child.h"
-#include "take/take_timecode.h"
+#include "take/take_sound.h"
 
 namespace v3d::captured {
 namespace {

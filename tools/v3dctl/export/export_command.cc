@@ -11,7 +11,7 @@
 #include "base/core/text.h"
 #include "common/console.h"
 #include "daemon/recorded/mesh_frames.h"
-#include "take/take_timecode.h"
+#include "take/take_sound.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/export/mesh_export.h"
 #include "v3dctl/export/sound_export.h"

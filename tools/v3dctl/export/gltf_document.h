@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "base/geometry/mesh.h"
-#include "take/take_timecode.h"
+#include "take/take_sound.h"
 #include "v3dctl/export/vertex_streams.h"
 
 namespace v3d::ctl {

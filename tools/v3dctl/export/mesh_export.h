@@ -14,7 +14,7 @@
 #include "recon/pipeline/compact_frame.h"
 #include "recon/texture/texture.h"
 #include "recon/texture/texture_atlas.h"
-#include "take/take_timecode.h"
+#include "take/take_sound.h"
 
 namespace v3d::ctl {
 

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "base/geometry/mesh.h"
-#include "take/take_timecode.h"
+#include "take/take_sound.h"
 #include "v3dctl/export/gltf_document.h"
 
 namespace v3d::ctl {

@@ -13,7 +13,7 @@
 #include "common/partial_file.h"
 #include "common/partial_folder.h"
 #include "daemon/recorded/mesh_frames.h"
-#include "take/take_timecode.h"
+#include "take/take_sound.h"
 #include "v3dctl/export/mesh_export.h"
 #include "v3dctl/export/surface_sequence.h"
 #include "v3dctl/export/training_pulse.h"

@@ -19,7 +19,7 @@
 #include "common/console.h"
 #include "common/partial_folder.h"
 #include "recon/texture/atlas_colours.h"
-#include "take/take_timecode.h"
+#include "take/take_sound.h"
 #include "v3dctl/export/mesh_export.h"
 #include "v3dctl/export/texture_painter.h"
 #include "v3dctl/export/video_levels.h"

@@ -6,7 +6,7 @@
 #include <span>
 #include <string>
 
-#include "take/take_timecode.h"
+#include "take/take_sound.h"
 #include "v3dctl/scene/scene_sound.h"
 
 namespace v3d::ctl {
