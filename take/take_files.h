@@ -11,7 +11,7 @@
 #include "base/config/toml_file.h"
 #include "base/io/file.h"
 #include "take/take.h"
-#include "wire/hash_tree.h"
+#include "wire/signatures.h"
 
 namespace v3d::take {
 

@@ -21,7 +21,7 @@ namespace v3d::take {
 /// Returns false when a long computation is to end. Empty: never.
 using MayContinue = std::function<bool()>;
 
-/// Reads a file of a take and computes the root of its hash tree (wire/hash_tree.h).
+/// Reads a file of a take and computes the root of its hash tree (wire/signatures.h).
 ///
 /// The leaves of an event log (<camera>.lcmlog) are its events, from sync word to last byte. Where
 /// no event starts, and in every other file, the leaves are blocks of 1 MiB.

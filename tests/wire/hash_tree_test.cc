@@ -1,8 +1,8 @@
-#include "wire/hash_tree.h"
-
 #include <gtest/gtest.h>
 
 #include <set>
+
+#include "wire/signatures.h"
 
 namespace v3d::wire {
 namespace {
