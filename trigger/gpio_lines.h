@@ -2,9 +2,11 @@
 // gpio_lines_2.cc with libgpiod 2; CMake compiles the one for the library that is installed.
 #pragma once
 
+#include <charconv>
 #include <memory>
 #include <optional>
 #include <string>
+#include <system_error>
 
 #include "base/config/studio_file.h"
 #include "base/core/time.h"
@@ -37,10 +39,16 @@ class InputLine {
 };
 
 /// "TRIGGER of gpiochip0", for messages.
-std::string line_text(const StudioLine& line);
+inline std::string line_text(const StudioLine& line) { return line.line + " of " + line.chip; }
 
 /// The number of a line on its chip, for a line that is given by its number; else empty.
-std::optional<unsigned> number_of(const StudioLine& line);
+inline std::optional<unsigned> number_of(const StudioLine& line) {
+  const std::string& text = line.line;
+  unsigned number = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  const bool whole = error == std::errc() && end == text.data() + text.size();
+  return whole ? std::optional(number) : std::nullopt;
+}
 
 /// Request a line for this process until the object is destroyed; an output starts inactive. Throw
 /// InputError for an unknown chip or line, a line in use, and missing permission.

@@ -17,7 +17,6 @@
 #include "daemon/node/service.h"
 #include "take/ledger/ledger.h"
 #include "trigger/pulse_generator.h"
-#include "trigger/sensed_train.h"
 
 namespace v3d::captured {
 

@@ -1,9 +1,8 @@
-#include "trigger/action_acknowledgements.h"
-
 #include <gtest/gtest.h>
 
 #include "base/core/error.h"
 #include "support/message_of.h"
+#include "trigger/action_generator.h"
 
 namespace v3d::trigger {
 namespace {

@@ -1,8 +1,8 @@
-#include "trigger/sensed_train.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
+
+#include "trigger/pulse_generator.h"
 
 namespace v3d::trigger {
 namespace {
