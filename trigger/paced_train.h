@@ -7,7 +7,6 @@
 #include <string>
 #include <thread>
 
-#include "base/core/host_clock.h"
 #include "base/core/time.h"
 #include "trigger/pulse_generator.h"
 

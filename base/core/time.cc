@@ -1,5 +1,6 @@
 #include "base/core/time.h"
 
+#include <cerrno>
 #include <cstdlib>
 #include <ctime>
 
@@ -71,6 +72,17 @@ Duration RealtimeFollower::step(MonotonicInstant steady, RealtimeInstant wall) c
 
 void RealtimeFollower::adopt(MonotonicInstant steady, RealtimeInstant wall) {
   difference_ns_.store(to_ns(wall) - to_ns(steady), std::memory_order_relaxed);
+}
+
+timespec to_timespec(Duration d) {
+  const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(d);
+  return {seconds.count(), (d - seconds).count()};
+}
+
+void sleep_until(MonotonicInstant instant) {
+  const timespec until = to_timespec(instant.time_since_epoch());
+  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr) == EINTR) {
+  }
 }
 
 }  // namespace v3d

@@ -1,5 +1,6 @@
 #include "base/geometry/rigid_transform.h"
 
+#include <Eigen/SVD>
 #include <array>
 #include <cmath>
 #include <string>
@@ -68,6 +69,13 @@ Box parse_bounds(std::string_view text) {
                      "': expected X0,Y0,Z0,X1,Y1,Z1 in metres, with X0 < X1, Y0 < Y1 and Z0 < Z1");
   }
   return {{v[0], v[1], v[2]}, {v[3], v[4], v[5]}};
+}
+
+Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& matrix) {
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(matrix, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Matrix3d u = svd.matrixU();
+  if ((u * svd.matrixV().transpose()).determinant() < 0) u.col(2) *= -1;
+  return u * svd.matrixV().transpose();
 }
 
 }  // namespace v3d

@@ -1,4 +1,4 @@
-// Transforms and boxes.
+// Transforms, rotations and boxes.
 #pragma once
 
 #include <Eigen/Core>
@@ -46,5 +46,14 @@ struct Box {
 
 /// Parses "X0,Y0,Z0,X1,Y1,Z1" in metres. Throws InputError unless X0 < X1, Y0 < Y1 and Z0 < Z1.
 Box parse_bounds(std::string_view text);
+
+// The rotation nearest to a matrix.
+
+/// The rotation nearest to a matrix in the Frobenius norm. Of the covariance of two sets of
+/// directions: the rotation that brings one to the other in the least squares sense.
+///
+/// Source: Kabsch, A solution for the best rotation to relate two sets of vectors, Acta
+/// Crystallographica A32, 1976.
+Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& matrix);
 
 }  // namespace v3d

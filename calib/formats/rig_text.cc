@@ -10,7 +10,7 @@
 
 #include "base/core/error.h"
 #include "base/core/text.h"
-#include "base/geometry/nearest_rotation.h"
+#include "base/geometry/rigid_transform.h"
 #include "calib/formats/text_fields.h"
 #include "calib/rig/rig_alignment.h"
 

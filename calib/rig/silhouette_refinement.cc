@@ -11,7 +11,7 @@
 
 #include "base/core/error.h"
 #include "base/core/statistics.h"
-#include "base/geometry/nearest_rotation.h"
+#include "base/geometry/rigid_transform.h"
 #include "calib/rig/epipolar_tangents.h"
 #include "calib/rig/rig_alignment.h"
 

@@ -9,7 +9,7 @@
 #include <thread>
 #include <utility>
 
-#include "base/config/plausible_pulses.h"
+#include "base/config/studio_values.h"
 #include "base/io/file.h"
 #include "daemon/bus/subscription_queue.h"
 #include "take/ledger/ledger.h"

@@ -10,8 +10,8 @@
 #include <thread>
 #include <vector>
 
-#include "base/config/plausible_pulses.h"
 #include "base/config/studio_file.h"
+#include "base/config/studio_values.h"
 #include "daemon/bus/bus.h"
 #include "daemon/node/service.h"
 #include "daemon/recond/live_queue.h"

@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/config/plausible_pulses.h"
+#include "base/config/studio_values.h"
 #include "daemon/bus/channel_list.h"
 #include "daemon/recond/shard_members.h"
 #include "recon/pipeline/frame_set.h"

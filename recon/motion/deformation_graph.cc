@@ -12,7 +12,7 @@
 #include <utility>
 
 #include "base/core/error.h"
-#include "base/geometry/nearest_rotation.h"
+#include "base/geometry/rigid_transform.h"
 
 namespace v3d::recon {
 namespace {

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "base/config/plausible_pulses.h"
+#include "base/config/studio_values.h"
 #include "base/core/time.h"
 #include "base/geometry/camera_model.h"
 #include "base/geometry/rigid_transform.h"

@@ -7,7 +7,7 @@
 #include <limits>
 
 #include "base/core/error.h"
-#include "base/geometry/nearest_rotation.h"
+#include "base/geometry/rigid_transform.h"
 #include "recon/mesh/mesh_neighbours.h"
 #include "recon/skeleton/pose_fit.h"
 

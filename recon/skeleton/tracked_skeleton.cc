@@ -8,7 +8,7 @@
 #include <map>
 
 #include "base/core/statistics.h"
-#include "base/geometry/nearest_rotation.h"
+#include "base/geometry/rigid_transform.h"
 #include "recon/skeleton/joint_rotations.h"
 
 namespace v3d::recon {

@@ -1,8 +1,8 @@
-#include "base/config/plausible_pulses.h"
-
 #include <gtest/gtest.h>
 
 #include <limits>
+
+#include "base/config/studio_values.h"
 
 namespace v3d {
 namespace {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "base/config/studio_file.h"
-#include "base/core/host_clock.h"
+#include "base/core/time.h"
 #include "wire/messages.h"
 
 namespace v3d::ctl {
