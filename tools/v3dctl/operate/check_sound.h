@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "capture/segmentation/motion_stops.h"
-#include "v3dctl/takes/clap_offset.h"
+#include "v3dctl/takes/clap.h"
 
 namespace v3d::ctl {
 

@@ -1,5 +1,3 @@
-#include "v3dctl/takes/clap_offset.h"
-
 #include <fmt/core.h>
 
 #include <cmath>
@@ -7,6 +5,7 @@
 
 #include "base/core/statistics.h"
 #include "v3dctl/options.h"
+#include "v3dctl/takes/clap.h"
 
 namespace v3d::ctl {
 

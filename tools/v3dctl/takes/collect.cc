@@ -16,8 +16,6 @@
 #include "take/ledger/take_account.h"
 #include "take/take_transfer.h"
 #include "v3dctl/takes/node_takes.h"
-#include "v3dctl/takes/rsync_output.h"
-#include "v3dctl/takes/staging_folder.h"
 
 namespace v3d::ctl {
 namespace {
