@@ -24,7 +24,7 @@
 #include "support/temporary_folder.h"
 #include "tools/gliding_take.h"
 #include "v3dctl/command_line.h"
-#include "v3dctl/skeleton/skeleton_truth.h"
+#include "v3dctl/skeleton/take_skeleton.h"
 
 namespace v3d::ctl {
 namespace {

@@ -12,9 +12,7 @@
 #include "common/partial_folder.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/options.h"
-#include "v3dctl/skeleton/skeleton_truth.h"
 #include "v3dctl/skeleton/take_skeleton.h"
-#include "v3dctl/skeleton/take_skin.h"
 
 namespace v3d::ctl {
 namespace {

@@ -1,5 +1,3 @@
-#include "v3dctl/skeleton/skeleton_truth.h"
-
 #include <algorithm>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -8,6 +6,7 @@
 #include "base/core/error.h"
 #include "base/core/statistics.h"
 #include "base/io/file.h"
+#include "v3dctl/skeleton/take_skeleton.h"
 
 namespace v3d::ctl {
 namespace {

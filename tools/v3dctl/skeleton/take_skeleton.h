@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -63,5 +65,47 @@ struct SimilarPose {
 std::vector<SimilarPose> similar_poses(const std::filesystem::path& take, int64_t pulse,
                                        const std::filesystem::path& other, take::FrameRange frames,
                                        size_t count);
+
+// Tracked surfaces of a take as bodies with a skin.
+
+/// The segments of a motion file at the given pulses (ascending), with the colours of the rest
+/// pulse. Segments of fewer than three such pulses are left out. Throws InputError for a damaged
+/// file.
+std::vector<recon::TrackedBody> read_tracked_bodies(const std::filesystem::path& file,
+                                                    std::span<const int64_t> pulses);
+
+/// Distances of limbs that the skeleton moves from the tracked surface.
+struct SkinError {
+  double p50_mm = 0, p90_mm = 0;
+  int64_t pulses = 0;
+};
+
+/// Over all vertices of arms and legs at all pulses. `numbers`: the pulse of each evidence of the
+/// structure.
+SkinError skin_error(std::span<const recon::TrackedBody> bodies, std::span<const recon::Skin> skins,
+                     const recon::KinematicStructure& structure, std::span<const int64_t> numbers);
+
+// A skeleton against the true joints of a simulated take: skeleton_truth.cc
+
+struct JointError {
+  double p50_mm = 0, p90_mm = 0;
+};
+
+struct SkeletonError {
+  int64_t pulses = 0;  ///< with a skeleton and true joints
+  JointError all;      ///< of the main joints at these pulses
+  std::map<std::string, JointError> of_joint;
+  /// Pulses at which the joints would be nearer to the true ones with left and right exchanged.
+  int64_t swaps = 0;
+};
+
+/// Compares with `truth`/joints.json, which v3d-sim take --truth writes (docs/simulator.md).
+/// `performer`: from 1. Throws InputError for a file that cannot be read or has no main joint of
+/// this performer, and where no pulse has both.
+SkeletonError compare_with_truth(const TakeSkeleton& skeleton, const std::filesystem::path& truth,
+                                 int performer);
+
+/// Largest difference of a bone's length between two pulses, as a part of its length.
+double bone_length_spread(const TakeSkeleton& skeleton);
 
 }  // namespace v3d::ctl
