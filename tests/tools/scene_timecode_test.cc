@@ -1,6 +1,4 @@
 // Tests of the timecode of videos and exported surfaces.
-#include "v3dctl/scene/scene_timecode.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -9,6 +7,7 @@
 #include "support/sounding_take.h"
 #include "support/temporary_folder.h"
 #include "tools/probed_timecode.h"
+#include "v3dctl/scene/scene_sound.h"
 #include "v3dctl/scene/scene_video.h"
 
 namespace v3d::ctl {

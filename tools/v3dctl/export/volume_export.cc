@@ -26,7 +26,6 @@
 #include "v3dctl/motion/tracked_surfaces.h"
 #include "v3dctl/options.h"
 #include "v3dctl/scene/scene_sound.h"
-#include "v3dctl/scene/scene_timecode.h"
 #include "v3dctl/scene/scene_video.h"
 
 namespace v3d::ctl {

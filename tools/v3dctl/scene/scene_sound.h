@@ -1,15 +1,17 @@
-// Sound of a scene: the sound of its takes, shifted, stretched and mixed.
+// Sound and timecode of a scene: the sound of its takes, shifted, stretched and mixed.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "common/partial_file.h"
 #include "take/take_sound.h"
+#include "take/take_timecode.h"
 #include "v3dctl/scene/scene_file.h"
 #include "v3dctl/scene/time_stretch.h"
 
@@ -90,5 +92,23 @@ class SceneSoundFile {
  private:
   const PartialFile file_;
 };
+
+// Timecode of the videos of scenes.
+
+/// A timecode that counts the pictures of a video, "10:00:03:12": hours, minutes and seconds are
+/// those of `timecode`, the frames count pictures. With dropped numbers, "10:00:03;12", where both
+/// have them: 29.97 or 59.94 pictures per second.
+std::string video_timecode(const take::PulseTimecode& timecode, double pictures_per_second);
+
+struct SceneTimecode {
+  std::string text;     ///< video_timecode() of a picture; empty: the scene has none
+  std::string problem;  ///< why takes with timecode give the scene none; empty: they do
+};
+
+/// The timecode of a scene at `seconds`. It is that of its takes, where all takes with timecode
+/// play at their own speed, do not repeat, and agree to half a picture; each is shifted to this
+/// time. Takes without timecode do not count. Throws as TakeTimecode.
+SceneTimecode scene_timecode(std::span<const SoundClip> clips, double seconds,
+                             double pictures_per_second);
 
 }  // namespace v3d::ctl
