@@ -5,7 +5,7 @@
 #include "base/config/calib_file.h"
 #include "base/config/studio_file.h"
 #include "base/core/error.h"
-#include "v3dctl/edit/edit_file.h"
+#include "v3dctl/edit/editor.h"
 #include "v3dctl/scene/scene_file.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {

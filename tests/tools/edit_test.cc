@@ -20,8 +20,7 @@
 #include "take/take_listing.h"
 #include "tools/gliding_take.h"
 #include "v3dctl/command_line.h"
-#include "v3dctl/edit/edit_file.h"
-#include "v3dctl/edit/take_clip.h"
+#include "v3dctl/edit/editor.h"
 
 namespace v3d::ctl {
 namespace {

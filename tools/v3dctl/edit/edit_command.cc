@@ -12,9 +12,7 @@
 #include "common/partial_folder.h"
 #include "recon/editing/feet.h"
 #include "v3dctl/command_line.h"
-#include "v3dctl/edit/edit_file.h"
 #include "v3dctl/edit/editor.h"
-#include "v3dctl/edit/take_clip.h"
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {

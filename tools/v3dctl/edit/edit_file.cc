@@ -1,5 +1,3 @@
-#include "v3dctl/edit/edit_file.h"
-
 #include <functional>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -8,6 +6,7 @@
 #include "base/core/error.h"
 #include "base/io/file.h"
 #include "recon/editing/clip.h"
+#include "v3dctl/edit/editor.h"
 #include "v3dctl/json_field.h"
 
 namespace v3d::ctl {

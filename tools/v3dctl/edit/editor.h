@@ -1,17 +1,108 @@
-// Applies the operations of an edit to an action.
+// Editing of actions (docs/editing.md): actions of takes, the list of operations, and their
+// application.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
+#include <string_view>
+#include <variant>
 #include <vector>
 
+#include "recon/editing/clip.h"
 #include "recon/editing/splice.h"
-#include "v3dctl/edit/edit_file.h"
-#include "v3dctl/edit/take_clip.h"
+#include "recon/skeleton/body_model.h"
 
 namespace v3d::ctl {
+
+// --- actions of takes, read for editing and written as takes: take_clip.cc
+
+struct TakeClip {
+  recon::Clip clip;
+  bool has_prop = false;
+  recon::BodyLengths lengths{0, 0};  ///< learnt; of the first of spliced takes
+  /// Pulses from the first to the last mesh of the take that are in no tracked segment with a skin.
+  int64_t left_out = 0;
+};
+
+/// Reads the tracked surface of a take, learns its skeleton and skin (learn_skeleton()). Lost
+/// pulses inside a tracked segment are interpolated, so that the action keeps its speed. Calls
+/// `on_begin` with the number of pulses and `on_pulse` after each. Throws InputError for a take
+/// without a tracked surface; std::runtime_error after an interrupt.
+TakeClip read_clip(const std::filesystem::path& take, const std::function<void(int64_t)>& on_begin,
+                   const std::function<void()>& on_pulse);
+
+/// Throws InputError for a folder whose name cannot name a take, or that holds something else than
+/// an edited take.
+void check_output(const std::filesystem::path& out);
+
+/// Writes a take of its own: take.toml, calib.toml of `source`, motion.v3d, skeleton.json and
+/// edit.json with the text `edits`. Pulses are numbered from 0. An earlier edit in `out` stays
+/// until the new one is complete. Throws InputError as check_output(), and for a clip that exceeds
+/// the limits of motion.v3d; std::runtime_error for errors of the disk.
+void write_clip(const TakeClip& edited, const std::filesystem::path& source,
+                const std::string& edits, const std::filesystem::path& out);
+
+// --- the list of operations of an edited action: edit_file.cc
+
+/// Frames first to end - 1 of the action as it is when an operation begins.
+struct EditRange {
+  int64_t first = 0, end = 0;
+};
+/// A range, or all frames.
+using OptionalRange = std::optional<EditRange>;
+
+struct CutEdit {
+  EditRange frames;
+};
+struct StretchEdit {
+  OptionalRange frames;
+  double factor = 1;
+};
+struct MirrorEdit {};
+struct BendEdit {
+  OptionalRange frames;
+  recon::Joint joint = recon::kLeftElbow;
+  double degrees = 0;
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitY();  ///< unit vector, in the frame of the joint
+  int64_t ramp = 0;                                 ///< frames
+};
+struct SpliceEdit {
+  std::filesystem::path take;
+  OptionalRange at;    ///< of the action: where it may be left; otherwise anywhere
+  OptionalRange from;  ///< of the take: where it may be entered
+  int64_t blend = 10;  ///< frames
+};
+struct HoldFeetEdit {
+  int64_t fade = 5;  ///< frames
+};
+struct SwapEdit {
+  std::filesystem::path take;
+  int64_t frame = 0;  ///< of the take, whose surface is shown
+};
+
+struct Edit {
+  std::string where;  ///< "edit.json: operations[2]", for errors
+  std::variant<CutEdit, StretchEdit, MirrorEdit, BendEdit, SpliceEdit, HoldFeetEdit, SwapEdit>
+      operation;
+};
+
+/// The other take that an operation reads; null where it reads none.
+const std::filesystem::path* take_of(const Edit& edit);
+
+/// Throws InputError, with file, field and what would be right. Paths of takes are relative to the
+/// folder of the file.
+std::vector<Edit> parse_edits(std::string_view text, const std::filesystem::path& file);
+std::vector<Edit> load_edits(const std::filesystem::path& file);
+
+/// `text` of an edit file for a copy in `folder`: the paths of takes are relative to that. The
+/// other fields stay, and without another take the whole text. Throws InputError as parse_edits().
+std::string edits_for_folder(const std::string& text, const std::filesystem::path& file,
+                             const std::filesystem::path& folder);
+
+// --- application of the operations: editor.cc
 
 struct SpliceReport {
   int64_t frame = 0;  ///< the last one that shows the surface of the earlier action

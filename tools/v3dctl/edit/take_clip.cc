@@ -1,5 +1,3 @@
-#include "v3dctl/edit/take_clip.h"
-
 #include <algorithm>
 #include <array>
 #include <map>
@@ -16,6 +14,7 @@
 #include "common/partial_folder.h"
 #include "recon/pipeline/compact_frame.h"
 #include "take/take.h"
+#include "v3dctl/edit/editor.h"
 #include "v3dctl/skeleton/take_skeleton.h"
 
 namespace v3d::ctl {
