@@ -1,10 +1,9 @@
-#include "v3dctl/evaluate/evaluation_page.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "support/temporary_folder.h"
 #include "tools/gliding_take.h"
+#include "v3dctl/evaluate/evaluate.h"
 
 namespace v3d::ctl {
 namespace {

@@ -26,7 +26,6 @@
 #include "take/take_lock.h"
 #include "tools/test_images.h"
 #include "v3dctl/evaluate/evaluate.h"
-#include "v3dctl/evaluate/evaluation_page.h"
 #include "v3dctl/export/mesh_export.h"
 #include "v3dctl/import/import.h"
 #include "v3dctl/import/media.h"

@@ -20,7 +20,7 @@
 #include "take/take_lock.h"
 #include "tools/gliding_take.h"
 #include "tools/test_images.h"
-#include "v3dctl/evaluate/evaluate_motion.h"
+#include "v3dctl/evaluate/evaluate.h"
 #include "v3dctl/import/import.h"
 #include "v3dctl/motion/pulse_source.h"
 #include "v3dctl/motion/take_motion.h"

@@ -1,7 +1,9 @@
 // Evaluation of a reconstructed take, against the true surface and against held-out cameras.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -13,6 +15,7 @@
 #include "daemon/recorded/mesh_frames.h"
 #include "daemon/recorded/take_frames.h"
 #include "recon/metrics/evaluation.h"
+#include "recon/metrics/motion_error.h"
 
 namespace v3d::ctl {
 
@@ -133,5 +136,72 @@ class CroppedHeldOutView {
   const HeldOutView view_;
   const Rect region_;
 };
+
+// Evaluation of a tracked surface: how far it carries points from where they truly are.
+
+struct CarriedReport {
+  int64_t pulses = 0;  ///< since the first
+  recon::EndPointError all, sleeves, sword;
+  /// Nearest-point propagation over mesh.v3d instead of the tracked surface.
+  std::optional<recon::EndPointError> nearest_point;
+};
+
+/// Carries the points of `truth`/points from the first pulse to the others. Points count that some
+/// camera sees at some of these pulses. From one segment to the next, points change over at the
+/// pulse that both share; without one, they keep their velocity for one pulse.
+struct MotionReport {
+  int64_t first_pulse = 0;
+  int64_t segments = 0;
+  double mean_segment_pulses = 0;
+  double bound =
+      0;  ///< part of the seen points that lies on the tracked surface at the first pulse
+  std::vector<CarriedReport> carried;  ///< after every 25 pulses, and at the end
+};
+
+/// Empty when `evaluated` is no motion file, or the truth has no points. Throws InputError for
+/// files that cannot be read, for points without colours, and after an interrupt.
+std::optional<MotionReport> evaluate_motion(const EvaluatedMeshes& evaluated,
+                                            const std::filesystem::path& truth);
+
+// Figures of an evaluation as the commands print them with --json.
+
+/// Sets the keys of a comparison with the truth.
+void put_truth(nlohmann::ordered_json& json, const TruthReport& report);
+nlohmann::ordered_json to_json(const MotionReport& report);
+
+// Evaluation as an HTML page: measurements, errors as colours of the mesh, photographs and
+// renderings.
+
+/// One set of meshes and its measurements.
+struct EvaluationColumn {
+  std::string name;
+  EvaluatedMeshes evaluated;
+  std::optional<TruthReport> truth;
+  std::vector<HeldOutReport> held_out;
+  std::optional<MotionReport> motion{};
+};
+
+struct EvaluationPage {
+  std::vector<EvaluationColumn> columns;  ///< of the same take; at least one
+  std::filesystem::path truth;            ///< empty: none
+  std::vector<std::string> held_out;      ///< cameras
+  bool view_dependent = false;            ///< as in HeldOutRequest
+  recorded::ViewSource view_source = recorded::ViewSource::kPhotographs;
+  int atlas_side = 0;  ///< as in HeldOutRequest
+};
+
+/// One HTML file that contains its images: of the middle one of the frames that all columns have,
+/// or none.
+std::string evaluation_html(const EvaluationPage& page);
+
+/// Scale of error colours: evenly spaced from 0 to kMaxErrorMm; greater errors have the last
+/// colour.
+inline constexpr double kMaxErrorMm = 20;
+inline constexpr Rgb8 kErrorColours[] = {
+    {49, 100, 180}, {116, 183, 215}, {245, 240, 190}, {247, 158, 85}, {200, 30, 40}};
+
+/// Renderings of the mesh from four sides, coloured by the distance of each vertex from the truth.
+/// The cameras depend on the truth only, so that several meshes have equal views.
+std::vector<Image> error_renderings(const Mesh& mesh, const Mesh& truth);
 
 }  // namespace v3d::ctl

@@ -1,5 +1,3 @@
-#include "v3dctl/evaluate/evaluation_page.h"
-
 #include <fmt/core.h>
 
 #include <algorithm>

@@ -16,6 +16,7 @@
 #include "v3dctl/command_line.h"
 #include "v3dctl/evaluate/evaluation_json.h"
 #include "v3dctl/motion/sharded_tracking.h"
+#include "v3dctl/evaluate/evaluate.h"
 #include "v3dctl/motion/take_motion.h"
 #include "v3dctl/options.h"
 #include "v3dctl/reconstruct/task_options.h"
