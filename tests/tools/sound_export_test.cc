@@ -1,5 +1,3 @@
-#include "v3dctl/export/sound_export.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -11,6 +9,7 @@
 #include "support/message_of.h"
 #include "support/sounding_take.h"
 #include "support/temporary_folder.h"
+#include "v3dctl/export/take_export.h"
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {

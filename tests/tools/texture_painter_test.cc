@@ -1,5 +1,3 @@
-#include "v3dctl/export/texture_painter.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -10,6 +8,7 @@
 #include "daemon/recorded/mesh_frames.h"
 #include "support/temporary_folder.h"
 #include "tools/test_images.h"
+#include "v3dctl/export/mesh_export.h"
 #include "v3dctl/import/import.h"
 #include "v3dctl/reconstruct/take_reconstruction.h"
 

@@ -1,9 +1,9 @@
-#include "v3dctl/export/video_levels.h"
-
 #include <gtest/gtest.h>
 
 #include <string>
 #include <vector>
+
+#include "v3dctl/export/volume_export.h"
 
 namespace v3d::ctl {
 namespace {

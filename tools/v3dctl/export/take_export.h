@@ -1,5 +1,5 @@
-// Exports of a whole take: formats that are not one file for each frame. docs/export.md describes
-// them.
+// Exports of a whole take: formats that are not one file for each frame, and the sound.
+// docs/export.md describes them.
 #pragma once
 
 #include <filesystem>
@@ -45,5 +45,14 @@ struct TakeExport {
 /// a file name without its ending (.glb, .usda), and when `out` is a folder with files;
 /// std::runtime_error with the path for errors of the disk.
 int export_take(const TakeExport& request);
+
+// The sound of a take as FLAC files.
+
+/// Writes each sound file of the ledger as `out`/<name>.flac, by the program ffmpeg: all samples
+/// and channels, 24 bit, without loss. Its tags have the fields of `bext` (sound/wave_file.h),
+/// among them time_reference, the samples since midnight. `out`: a new or empty folder. Returns
+/// kExitDone. Throws InputError for a take without sound, a file with more channels than FLAC has,
+/// and without ffmpeg; std::runtime_error where ffmpeg fails.
+int export_flac(const std::filesystem::path& take, const std::filesystem::path& out);
 
 }  // namespace v3d::ctl

@@ -1,5 +1,3 @@
-#include "v3dctl/export/video_levels.h"
-
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -7,6 +5,7 @@
 #include <span>
 
 #include "recon/texture/texture_atlas.h"
+#include "v3dctl/export/volume_export.h"
 
 namespace v3d::ctl {
 namespace {

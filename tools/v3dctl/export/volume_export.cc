@@ -21,8 +21,6 @@
 #include "recon/texture/atlas_colours.h"
 #include "take/take_sound.h"
 #include "v3dctl/export/mesh_export.h"
-#include "v3dctl/export/texture_painter.h"
-#include "v3dctl/export/video_levels.h"
 #include "v3dctl/motion/tracked_surfaces.h"
 #include "v3dctl/options.h"
 #include "v3dctl/scene/scene_sound.h"
