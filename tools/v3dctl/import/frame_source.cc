@@ -1,5 +1,3 @@
-#include "v3dctl/import/frame_source.h"
-
 #include <strings.h>
 
 #include <algorithm>
@@ -8,6 +6,7 @@
 #include "base/core/error.h"
 #include "base/core/text.h"
 #include "common/natural_order.h"
+#include "v3dctl/import/import.h"
 #include "v3dctl/import/media.h"
 
 namespace v3d::ctl {

@@ -26,7 +26,6 @@
 #include "take/ledger/take_account.h"
 #include "take/logs/frame_log.h"
 #include "take/take.h"
-#include "v3dctl/import/frame_source.h"
 #include "v3dctl/import/media.h"
 
 namespace v3d::ctl {
