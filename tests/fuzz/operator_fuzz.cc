@@ -7,7 +7,7 @@
 #include "v3dctl/operate/camera_report.h"
 #include "v3dctl/operate/health_text.h"
 #include "v3dctl/operate/reply_text.h"
-#include "v3dctl/operate/watch_table.h"
+#include "v3dctl/operate/studio_monitor.h"
 
 namespace {
 

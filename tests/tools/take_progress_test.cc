@@ -1,6 +1,6 @@
-#include "v3dctl/operate/take_progress.h"
-
 #include <gtest/gtest.h>
+
+#include "v3dctl/operate/studio_monitor.h"
 
 namespace v3d::ctl {
 namespace {

@@ -1,7 +1,7 @@
-#include "v3dctl/operate/watch_table.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include "v3dctl/operate/studio_monitor.h"
 
 namespace v3d::ctl {
 namespace {

@@ -1,8 +1,8 @@
-#include "v3dctl/operate/check_sound.h"
-
 #include <fmt/core.h>
 
 #include <nlohmann/json.hpp>
+
+#include "v3dctl/operate/camera_report.h"
 
 namespace v3d::ctl {
 

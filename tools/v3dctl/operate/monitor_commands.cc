@@ -17,7 +17,6 @@
 #include "v3dctl/command_line.h"
 #include "v3dctl/operate/health_text.h"
 #include "v3dctl/operate/studio_monitor.h"
-#include "v3dctl/operate/watch_table.h"
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {

@@ -15,7 +15,6 @@
 #include "v3dctl/operate/health_text.h"
 #include "v3dctl/operate/reply_text.h"
 #include "v3dctl/operate/studio_monitor.h"
-#include "v3dctl/operate/take_progress.h"
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {

@@ -1,5 +1,3 @@
-#include "v3dctl/operate/watch_table.h"
-
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -8,6 +6,7 @@
 #include "common/console.h"
 #include "daemon/control/take_name.h"
 #include "v3dctl/operate/health_text.h"
+#include "v3dctl/operate/studio_monitor.h"
 
 namespace v3d::ctl {
 namespace {
