@@ -1,5 +1,3 @@
-#include "v3dctl/reconstruct/take_camera_colours.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -12,6 +10,7 @@
 #include "support/temporary_folder.h"
 #include "take/logs/mesh_file.h"
 #include "take/take.h"
+#include "v3dctl/reconstruct/take_revision.h"
 
 namespace v3d::ctl {
 namespace {

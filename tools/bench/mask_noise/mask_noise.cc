@@ -20,7 +20,7 @@
 #include "recon/silhouettes/leave_one_out_hull.h"
 #include "v3dctl/options.h"
 #include "v3dctl/reconstruct/reconstruct_request.h"
-#include "v3dctl/reconstruct/take_silhouette_repair.h"
+#include "v3dctl/reconstruct/take_surfaces.h"
 
 namespace v3d::bench {
 

@@ -10,7 +10,7 @@
 #include "base/geometry/rigid_transform.h"
 #include "recon/metrics/frame_quality.h"
 #include "v3dctl/reconstruct/reconstruct_request.h"
-#include "v3dctl/reconstruct/take_silhouette_repair.h"
+#include "v3dctl/reconstruct/take_surfaces.h"
 
 namespace v3d::ctl {
 

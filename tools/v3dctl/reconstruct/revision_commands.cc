@@ -1,21 +1,23 @@
-// camera-colours: adds the colours of every camera to the meshes of a take.
+// camera-colours: adds the colours of every camera to the meshes of a take. performers: labels the
+// meshes of a take with the performer that they show.
 #include <fmt/core.h>
 
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "base/core/text.h"
 #include "common/console.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/options.h"
-#include "v3dctl/reconstruct/take_camera_colours.h"
+#include "v3dctl/reconstruct/take_revision.h"
 
 namespace v3d::ctl {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-struct Arguments {
+struct CameraColourArguments {
   std::filesystem::path take;
   int kilobytes = 120;
   bool remove = false;
@@ -44,7 +46,7 @@ void print_text(const CameraColourReport& report) {
   }
 }
 
-int run(const Arguments& arguments) {
+int run(const CameraColourArguments& arguments) {
   catch_interrupts();
   const size_t max_bytes = arguments.remove ? 0 : 1000 * static_cast<size_t>(arguments.kilobytes);
   std::optional<Progress> progress;
@@ -73,7 +75,7 @@ void add_camera_colours(CommandLine& line) {
       "without raw frames",
       {"v3dctl camera-colours dancer", "v3dctl camera-colours dancer --kilobytes 60",
        "v3dctl camera-colours dancer --remove"});
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<CameraColourArguments>();
   command.add_option("TAKE", arguments->take, "The folder of a reconstructed take").required();
   command
       .add_option("--kilobytes", arguments->kilobytes,
@@ -83,6 +85,73 @@ void add_camera_colours(CommandLine& line) {
       .show_default();
   command.add_flag("--remove", arguments->remove,
                    "Remove the colours of cameras; needs no raw frames");
+  add_json_flag(command, arguments->json);
+  line.on_run(command, [arguments] { return run(*arguments); });
+}
+
+namespace {
+
+struct PerformersArguments {
+  std::filesystem::path take;
+  bool json = false;
+};
+
+Json to_json(const PerformersReport& report) {
+  Json performers = Json::array();
+  for (const PerformerPulses& performer : report.performers) {
+    performers.push_back({{"performer", performer.identity},
+                          {"first_pulse", performer.first},
+                          {"last_pulse", performer.last},
+                          {"pulses", performer.pulses},
+                          {"mean_vertices", performer.mean_vertices}});
+  }
+  return {{"frames", report.frames},
+          {"undecodable", report.undecodable},
+          {"unlabelled", report.unlabelled},
+          {"performers", performers}};
+}
+
+void print_text(const PerformersReport& report) {
+  fmt::print("{}, {}\n", count_of(report.frames, "frame"),
+             count_of(std::ssize(report.performers), "performer"));
+  for (const PerformerPulses& performer : report.performers) {
+    fmt::print("performer {}  pulses {} to {}, in {} of them, {} vertices (mean)\n",
+               performer.identity, format_count(performer.first), format_count(performer.last),
+               format_count(performer.pulses),
+               format_count(static_cast<int64_t>(performer.mean_vertices)));
+  }
+  if (report.unlabelled > 0) {
+    fmt::print("unlabelled   {:.2f} % of the vertices\n", 100 * report.unlabelled);
+  }
+  if (report.undecodable > 0) {
+    fmt::print("damaged      {} without labels\n", count_of(report.undecodable, "frame"));
+  }
+}
+
+int run(const PerformersArguments& arguments) {
+  catch_interrupts();
+  std::optional<Progress> progress;
+  const PerformersReport report = label_performers(
+      arguments.take, [&](int64_t frames) { progress.emplace("performers", frames); },
+      [&] { progress->advance(); });
+  progress.reset();
+  if (arguments.json) {
+    fmt::print("{}\n", to_json(report).dump(2));
+  } else {
+    print_text(report);
+  }
+  return report.undecodable > 0 ? kExitIncomplete : kExitDone;
+}
+
+}  // namespace
+
+void add_performers(CommandLine& line) {
+  cli::Command command = line.add(
+      "performers", "Follow each performer through the meshes of a take and label his vertices",
+      {"v3dctl performers fight",
+       "v3dctl export fight --format glb --performer 2 --frames 12 second.glb"});
+  auto arguments = std::make_shared<PerformersArguments>();
+  command.add_option("TAKE", arguments->take, "The folder of a reconstructed take").required();
   add_json_flag(command, arguments->json);
   line.on_run(command, [arguments] { return run(*arguments); });
 }
