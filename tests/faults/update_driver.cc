@@ -6,7 +6,7 @@
 #include <string>
 
 #include "common/console.h"
-#include "v3dctl/setup/update_folder.h"
+#include "v3dctl/setup/update.h"
 
 int main(int count, char** words) {
   if (count != 4) return 2;

@@ -1,5 +1,3 @@
-#include "v3dctl/setup/update_folder.h"
-
 #include <gmock/gmock.h>
 
 #include <cstdlib>
@@ -12,6 +10,7 @@
 
 #include "base/io/file.h"
 #include "support/temporary_folder.h"
+#include "v3dctl/setup/update.h"
 
 namespace v3d::ctl {
 namespace {

@@ -47,7 +47,7 @@ Finding check_mtu(const std::string& interface, int mtu, int packet_size);
 /// IP address of this PC on the route to `address`; 0 when there is none.
 uint32_t source_address_to(const std::string& address);
 
-// --- sound: doctor_sound.cc
+// --- sound: doctor_devices.cc
 
 /// Whether the sound devices of the studio open, the inputs of [[sound]] and that of
 /// [timecode_output]; a device that a daemon uses is good. And whether the sound gets the times of
@@ -55,7 +55,7 @@ uint32_t source_address_to(const std::string& address);
 /// PC; empty: those of all nodes, where one that does not open may be on another PC.
 std::vector<Finding> check_sound_devices(const Studio& studio, const std::string& node);
 
-// --- lights: doctor_lights.cc
+// --- lights: doctor_devices.cc
 
 /// Whether olad answers v3d-lights, on the PC of this node; empty when the node has no lamps.
 std::optional<Finding> check_lights(const Studio& studio, const std::string& node);
@@ -88,7 +88,7 @@ Finding check_realtime(unsigned long limit, bool root);
 /// `mb`: usbcore.usbfs_memory_mb, the limit of all USB cameras together; -1 without USB.
 Finding check_usb_memory(long mb, bool has_usb_cameras);
 
-// --- lateness of timers: doctor_wakeups.cc
+// --- lateness of timers: doctor_machine.cc
 
 /// Sleeps `cycles` times until the next multiple of `period`. Returns how much later than its timer
 /// the calling thread ran each time. After a delay of more than a period, the multiples count from

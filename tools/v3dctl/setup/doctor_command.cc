@@ -9,7 +9,7 @@
 #include "v3dctl/operate/studio_monitor.h"
 #include "v3dctl/options.h"
 #include "v3dctl/setup/doctor.h"
-#include "v3dctl/setup/member_list_file.h"
+#include "v3dctl/setup/node_settings.h"
 #include "wire/secret_keys.h"
 
 namespace v3d::ctl {

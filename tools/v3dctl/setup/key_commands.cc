@@ -9,7 +9,7 @@
 #include "base/io/file.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/options.h"
-#include "v3dctl/setup/member_list_file.h"
+#include "v3dctl/setup/node_settings.h"
 #include "wire/member_list.h"
 #include "wire/secret_keys.h"
 #include "wire/signatures.h"

@@ -9,7 +9,6 @@
 #include "base/core/text.h"
 #include "base/io/file.h"
 #include "v3dctl/command_line.h"
-#include "v3dctl/setup/member_list_file.h"
 #include "v3dctl/setup/node_settings.h"
 
 namespace v3d::ctl {

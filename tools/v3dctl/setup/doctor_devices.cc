@@ -1,8 +1,12 @@
+// Sound devices and lamps.
 #include <cerrno>
 #include <optional>
 #include <utility>
 
 #include "sound/sound_device.h"
+#include "base/io/child_process.h"
+#include "sound/sound_input.h"
+#include "sound/sound_output.h"
 #include "v3dctl/setup/doctor.h"
 
 namespace v3d::ctl {
@@ -52,6 +56,19 @@ std::vector<Finding> check_sound_devices(const Studio& studio, const std::string
                                   sound::open_sound_output(*studio.timecode_output), is_here));
   }
   return findings;
+}
+
+std::optional<Finding> check_lights(const Studio& studio, const std::string& node) {
+  if (!studio.lights || studio.lights->node != node) return std::nullopt;
+  const std::string program = "v3d-lights";
+  if (!has_program(program)) {
+    return Finding{Verdict::kBad, "lights", program + " is not installed",
+                   "apt install v3d-lights ola, or remove [lights] from the studio file"};
+  }
+  const ProcessResult result = run_process({program}, Output::kCaptureBoth);
+  if (result.status == 0) return Finding{Verdict::kGood, "lights", "olad answers", ""};
+  return Finding{Verdict::kBad, "lights", result.errors.substr(0, result.errors.find('\n')),
+                 "systemctl start olad, or remove [lights] from the studio file"};
 }
 
 }  // namespace v3d::ctl
