@@ -9,7 +9,6 @@
 #include "base/config/toml_file.h"
 #include "base/core/error.h"
 #include "base/core/time.h"
-#include "capture/cameras/aravis_features.h"
 
 namespace v3d::capture::aravis {
 namespace {

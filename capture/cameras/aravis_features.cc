@@ -1,11 +1,10 @@
-#include "capture/cameras/aravis_features.h"
-
 #include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <optional>
 
 #include "base/config/toml_file.h"
+#include "capture/cameras/aravis_device.h"
 
 namespace v3d::capture::aravis {
 namespace {

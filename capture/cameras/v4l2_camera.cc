@@ -16,7 +16,6 @@
 
 #include "base/config/v4l2_address.h"
 #include "base/core/error.h"
-#include "capture/cameras/v4l2_setup.h"
 
 namespace v3d::capture {
 namespace {

@@ -1,5 +1,3 @@
-#include "capture/cameras/v4l2_setup.h"
-
 #include <fmt/core.h>
 
 #include <algorithm>
@@ -11,6 +9,7 @@
 
 #include "base/core/error.h"
 #include "base/core/text.h"
+#include "capture/cameras/v4l2_camera.h"
 
 namespace v3d::capture::v4l2 {
 namespace {

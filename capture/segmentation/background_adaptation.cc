@@ -1,4 +1,4 @@
-#include "capture/segmentation/background_adaptation.h"
+#include "capture/segmentation/background.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "capture/segmentation/background_adaptation.cc"

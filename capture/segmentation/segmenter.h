@@ -9,7 +9,6 @@
 #include "base/image/mask.h"
 #include "base/image/mask_operations.h"
 #include "capture/segmentation/background.h"
-#include "capture/segmentation/background_adaptation.h"
 #include "capture/segmentation/mask_cleanup.h"
 
 namespace v3d::segmentation {

@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/core/error.h"
-#include "capture/segmentation/flicker.h"
+#include "capture/segmentation/image_measures.h"
 #include "capture/segmentation/segmenter.h"
 
 namespace v3d::captured {

@@ -13,7 +13,6 @@
 
 #include "base/config/studio_values.h"
 #include "capture/cameras/camera_worker.h"
-#include "capture/segmentation/flicker.h"
 #include "capture/segmentation/image_measures.h"
 #include "capture/segmentation/motion_stops.h"
 #include "capture/segmentation/segmenter.h"

@@ -1,10 +1,9 @@
-#include "capture/segmentation/background_adaptation.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <utility>
 
+#include "capture/segmentation/background.h"
 #include "capture/segmentation/image_measures.h"
 #include "capture/segmentation/segmenter.h"
 #include "studio_wall.h"

@@ -1,11 +1,11 @@
-#include "capture/segmentation/flicker.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
 #include <random>
 #include <vector>
+
+#include "capture/segmentation/image_measures.h"
 
 namespace v3d::segmentation {
 namespace {
