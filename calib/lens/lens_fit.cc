@@ -12,7 +12,6 @@
 #include "base/image/image.h"
 #include "calib/boards/board.h"
 #include "calib/lens/bundle_adjustment.h"
-#include "calib/lens/lens_deviation.h"
 #include "calib/parallel_for.h"
 
 namespace v3d::calib {

@@ -50,7 +50,7 @@ struct LensFit {
   std::vector<RejectedView> rejected;
   int unneeded = 0;  ///< views that view selection left out
   std::vector<LensTrial> trials;
-  /// Standard deviation (1 sigma) of fx, as in lens/lens_deviation.h.
+  /// Standard deviation (1 sigma) of fx: focal_deviation_px().
   double focal_deviation_px = 0;
 
   /// The deviation as a share of fx.

@@ -1,11 +1,10 @@
-#include "calib/rig/epipolar_tangents.h"
-
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <optional>
 
 #include "base/image/mask_operations.h"
+#include "calib/rig/silhouette_refinement.h"
 
 namespace v3d::calib {
 namespace {

@@ -7,7 +7,6 @@
 #include <algorithm>
 
 #include "base/core/error.h"
-#include "calib/rig/epipolar_tangents.h"
 #include "sim/rendering/scene.h"
 #include "support/displaced_rig.h"
 #include "support/message_of.h"
