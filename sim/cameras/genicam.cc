@@ -1,5 +1,5 @@
-#include "sim/cameras/action_commands.h"
 #include "sim/cameras/gige_cameras.h"
+#include "sim/cameras/triggers.h"
 
 namespace v3d::sim {
 namespace {

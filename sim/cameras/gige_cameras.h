@@ -8,7 +8,7 @@
 //
 // A pulse on the simulated cable is written to the software trigger register of the fake camera,
 // which the camera's thread polls. The GenICam description names this trigger source "Line1"; with
-// "Action1" a camera obeys action commands to 127.255.255.255 instead (action_commands.h). The
+// "Action1" a camera obeys action commands to 127.255.255.255 instead (triggers.h). The
 // register holds one pulse; further pulses are queued, so a slow camera sends late but skips no
 // pulse. Device time stamps are those of the edge. Frame numbers are 16-bit numbers without 0. They
 // start near their maximum, and at 1 after a camera was unplugged.
@@ -25,9 +25,9 @@
 #include "base/core/time.h"
 #include "base/image/camera_format.h"
 #include "base/image/image.h"
-#include "sim/cameras/action_commands.h"
 #include "sim/cameras/device_clock.h"
 #include "sim/cameras/exposure_record.h"
+#include "sim/cameras/triggers.h"
 
 namespace v3d::sim {
 

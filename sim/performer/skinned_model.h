@@ -6,14 +6,32 @@
 #include <Eigen/Geometry>
 #include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
-#include "sim/performer/closed_surfaces.h"
-#include "sim/performer/joints.h"
 #include "sim/performer/performer.h"
 #include "sim/performer/skeleton.h"
 
 namespace v3d::sim {
+
+// Closed surfaces from the triangles of a model: welded seams, connected surfaces, closed holes.
+
+/// A connected surface. Its vertices are those of `sources`, then one for each hole: the mean of
+/// the vertices around the hole.
+struct ClosedSurface {
+  std::vector<uint32_t> sources;                   ///< indices of the given vertices
+  std::vector<std::vector<uint32_t>> holes;        ///< by hole its vertices, indices of `sources`
+  std::vector<std::array<uint32_t, 3>> triangles;  ///< indices of the vertices of this surface
+
+  /// Appends the mean of the values around each hole to the values of `sources`.
+  void add_middles(std::vector<Eigen::Vector3f>& values) const;
+};
+
+/// The connected surfaces of triangles. Vertices at equal positions count as one: the first of
+/// them. Triangles that have a vertex twice are left out. For every directed edge of a surface
+/// there is an opposite one, because triangles to its middle close a hole.
+std::vector<ClosedSurface> closed_surfaces(std::span<const Eigen::Vector3f> positions,
+                                           std::span<const std::array<uint32_t, 3>> triangles);
 
 /// A joint of a skin: a node, and the transform from the mesh to the node at rest.
 struct SkinJoint {

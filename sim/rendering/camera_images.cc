@@ -7,7 +7,7 @@
 #include <cmath>
 #include <iterator>
 
-#include "sim/performer/joints.h"
+#include "sim/performer/skeleton.h"
 #include "sim/rendering/noise.h"
 
 namespace v3d::sim {

@@ -7,6 +7,8 @@
 #include "fuzz_input.h"
 #include "sim/cameras/action_commands.h"
 #include "trigger/action_generator.h"
+#include "sim/cameras/triggers.h"
+#include "trigger/action_acknowledgements.h"
 
 namespace {
 

@@ -8,7 +8,7 @@
 
 #include "base/io/file.h"
 #include "daemon/control/operator_client.h"
-#include "sim/cameras/trigger_cable.h"
+#include "sim/cameras/triggers.h"
 #include "support/child_process.h"
 #include "support/host_network.h"
 #include "support/lossy_switch.h"

@@ -1,6 +1,6 @@
-#include "sim/cameras/action_commands.h"
-
 #include <gtest/gtest.h>
+
+#include "sim/cameras/triggers.h"
 
 namespace v3d::sim {
 namespace {

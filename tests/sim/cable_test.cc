@@ -10,7 +10,7 @@
 
 #include "base/config/studio_values.h"
 #include "base/core/error.h"
-#include "sim/cameras/trigger_cable.h"
+#include "sim/cameras/triggers.h"
 #include "support/temporary_folder.h"
 
 namespace v3d::sim {

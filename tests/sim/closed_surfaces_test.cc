@@ -1,8 +1,7 @@
-#include "sim/performer/closed_surfaces.h"
-
 #include <gtest/gtest.h>
 
 #include "base/geometry/mesh.h"
+#include "sim/performer/skinned_model.h"
 
 namespace v3d::sim {
 namespace {

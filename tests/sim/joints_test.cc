@@ -1,10 +1,9 @@
-#include "sim/performer/joints.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
 #include "sim/performer/performer.h"
+#include "sim/performer/skeleton.h"
 
 namespace v3d::sim {
 namespace {

@@ -6,7 +6,6 @@
 #include <iterator>
 
 #include "sim/performer/performer.h"
-#include "sim/performer/surface_points.h"
 #include "sim/rendering/noise.h"
 #include "sim/rendering/scene.h"
 

@@ -19,6 +19,7 @@
 #include "sim/cameras/gige_cameras.h"
 #include "sim/cameras/trigger_cable.h"
 #include "sim/performer/performer.h"
+#include "sim/cameras/triggers.h"
 #include "sim/rendering/camera_images.h"
 #include "v3d-sim/sim_commands.h"
 #include "v3d-sim/simulated_take.h"

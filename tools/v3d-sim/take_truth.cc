@@ -9,7 +9,7 @@
 
 #include "base/io/file.h"
 #include "common/ply_file.h"
-#include "sim/performer/joints.h"
+#include "sim/performer/skeleton.h"
 #include "sim/rendering/camera_images.h"
 
 namespace v3d::sim {

@@ -8,7 +8,6 @@
 
 #include "base/geometry/camera_model.h"
 #include "sim/performer/performer.h"
-#include "sim/performer/surface_points.h"
 
 namespace v3d::sim {
 
