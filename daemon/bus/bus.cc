@@ -16,8 +16,8 @@
 #include <thread>
 
 #include "base/config/studio_values.h"
+#include "daemon/bus/channel_list.h"
 #include "daemon/bus/frame_keys.h"
-#include "daemon/bus/message_size.h"
 #include "daemon/bus/multicast_socket.h"
 
 namespace v3d::bus {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cstdlib>
 
-#include "daemon/bus/message_size.h"
+#include "daemon/bus/channel_list.h"
 #include "wire/messages.h"
 
 namespace v3d::bus {

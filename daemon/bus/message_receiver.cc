@@ -7,7 +7,6 @@
 #include <string>
 #include <utility>
 
-#include "daemon/bus/message_size.h"
 #include "wire/codec.h"
 #include "wire/messages.h"
 

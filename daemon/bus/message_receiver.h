@@ -12,9 +12,7 @@
 #include "daemon/bus/datagram.h"
 #include "daemon/bus/frame_keys.h"
 #include "daemon/bus/message_authenticator.h"
-#include "daemon/bus/recent_tags.h"
 #include "daemon/bus/session_replay_filter.h"
-#include "daemon/bus/skipped_messages.h"
 #include "wire/messages.h"
 
 namespace v3d::bus {

@@ -7,7 +7,7 @@
 #include <span>
 #include <string_view>
 
-#include "daemon/bus/message_size.h"
+#include "daemon/bus/channel_list.h"
 #include "wire/codec.h"
 
 namespace v3d::node {

@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "base/core/error.h"
-#include "daemon/bus/message_size.h"
+#include "daemon/bus/channel_list.h"
 #include "daemon/node/health_size.h"
 #include "daemon/node/peer_health.h"
 #include "daemon/node/service.h"

@@ -1,6 +1,6 @@
-#include "daemon/bus/message_size.h"
-
 #include <gtest/gtest.h>
+
+#include "daemon/bus/channel_list.h"
 
 namespace v3d::bus {
 namespace {

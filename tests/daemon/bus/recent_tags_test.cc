@@ -1,6 +1,6 @@
-#include "daemon/bus/recent_tags.h"
-
 #include <gtest/gtest.h>
+
+#include "daemon/bus/message_authenticator.h"
 
 namespace v3d::bus {
 namespace {

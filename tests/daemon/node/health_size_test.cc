@@ -6,9 +6,9 @@
 #include <memory>
 
 #include "base/core/text.h"
+#include "daemon/bus/channel_list.h"
 #include "daemon/bus/datagram_sender.h"
 #include "daemon/bus/message_receiver.h"
-#include "daemon/bus/message_size.h"
 #include "wire/codec.h"
 
 namespace v3d::node {
