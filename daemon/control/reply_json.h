@@ -1,8 +1,11 @@
 // JSON of reply details and take lists. Confines nlohmann::json to one source file.
 #pragma once
 
+#include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "take/ledger/ledger.h"
@@ -28,7 +31,7 @@ std::string numbers_json(const std::map<std::string, double>& values);
 // Details of replies. The channel of replies drops a message of more than 4 MiB, and a take of
 // hours can have millions of missing pulses.
 
-/// Lists of more numbers than this, all lists of a reply together, are packed (packed_numbers.h). A
+/// Lists of more numbers than this, all lists of a reply together, are packed (pack_numbers()). A
 /// version without packed lists rejects the reply with an error.
 inline constexpr size_t kMaxListedNumbers = 100'000;
 /// A ledger that is longer than this, although its lists are packed, is not sent.
@@ -42,5 +45,20 @@ std::string ledger_detail(const take::Ledger& ledger);
 /// as `without_mesh` [..], packed where they are many.
 std::string recon_json(const std::map<std::string, double>& values,
                        const std::vector<int64_t>& without_mesh);
+
+// Packed text of long lists of pulse numbers, for replies: the channel of replies limits their
+// length.
+
+/// Packs numbers without loss, in the shorter one of two forms: runs of consecutive numbers,
+/// "0:215999 300000" (first and last number of a run; one number alone), or a bit for each number
+/// of a range, "bits 17 <base64>" (its first number; the lowest bit of a byte is first).
+///
+/// Ascending numbers of a range of n take at most n / 6 + 30 characters. Any order is permitted,
+/// but then only runs are written.
+std::string pack_numbers(const std::vector<int64_t>& numbers);
+
+/// The numbers of a packed text. Empty for another text, and when there are more than `limit`
+/// numbers: a short text can name any number of them.
+std::optional<std::vector<int64_t>> unpack_numbers(std::string_view text, size_t limit);
 
 }  // namespace v3d::control

@@ -1,10 +1,10 @@
-#include "daemon/control/packed_numbers.h"
-
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
 #include <limits>
 #include <set>
+
+#include "daemon/control/reply_json.h"
 
 namespace v3d::control {
 namespace {

@@ -8,7 +8,6 @@
 #include <optional>
 
 #include "base/core/text.h"
-#include "daemon/control/packed_numbers.h"
 #include "daemon/control/reply_json.h"
 #include "take/take.h"
 #include "v3dctl/operate/health_text.h"
@@ -58,7 +57,7 @@ std::string reply_text(const wire::ReplyMessage& reply, const std::string& done_
 /// of 6 hours at 60 Hz.
 constexpr size_t kMaxUnpacked = 20'000'000;
 
-/// Replaces the packed lists (packed_numbers.h) with these names by lists of numbers. Leaves other
+/// Replaces the packed lists (pack_numbers()) with these names by lists of numbers. Leaves other
 /// strings. `room`: numbers that may still be unpacked.
 void unpack_lists(Json& json, std::initializer_list<const char*> names, size_t& room) {
   for (const char* name : names) {
