@@ -12,7 +12,7 @@
 #include "base/core/text.h"
 #include "base/io/file.h"
 #include "capture/cameras/camera.h"
-#include "daemon/node/health_size.h"
+#include "daemon/node/node_health.h"
 #include "daemon/node/take_folder.h"
 #include "trigger/pulse_generator.h"
 

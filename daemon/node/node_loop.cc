@@ -8,7 +8,7 @@
 
 #include "base/core/error.h"
 #include "daemon/bus/channel_list.h"
-#include "daemon/node/health_size.h"
+#include "daemon/node/node_health.h"
 #include "daemon/node/peer_health.h"
 #include "daemon/node/service.h"
 #include "wire/messages.h"

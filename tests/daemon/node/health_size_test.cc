@@ -1,5 +1,3 @@
-#include "daemon/node/health_size.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -9,6 +7,7 @@
 #include "daemon/bus/channel_list.h"
 #include "daemon/bus/datagram_sender.h"
 #include "daemon/bus/message_receiver.h"
+#include "daemon/node/node_health.h"
 #include "wire/codec.h"
 
 namespace v3d::node {
