@@ -6,7 +6,7 @@
 
 #include "base/core/text.h"
 #include "capture/sync/pulse_times.h"
-#include "daemon/captured/pulse_log.h"
+#include "daemon/captured/pulse_recorder.h"
 #include "daemon/node/take_folder.h"
 
 namespace v3d::captured {

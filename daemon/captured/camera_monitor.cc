@@ -1,8 +1,12 @@
 #include "daemon/captured/camera_monitor.h"
 
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 
+#include "base/config/toml_file.h"
 #include "base/core/text.h"
+#include "base/io/file.h"
 #include "daemon/control/camera_firmware.h"
 #include "daemon/node/advice.h"
 
@@ -137,6 +141,55 @@ void CameraMonitor::report_suspect(const std::string& camera,
                    " frames with a suspect pulse number, the last near " +
                    std::to_string(status.last_pulse),
                node::advice::kFramesSuspect);
+}
+
+std::string camera_settings_text(
+    const std::string& node, const std::map<std::string, capture::CameraWorkerStatus>& cameras) {
+  TomlWriter file;
+  file.comment("The cameras of " + node + ", and settings that differ from the studio file.");
+  file.comment("v3d-captured writes this file when it opens a camera.");
+  for (const auto& [name, status] : cameras) {
+    if (status.size.pixels() == 0) continue;
+    file.element("camera").text("name", name).text("device", status.device.text());
+  }
+  for (const auto& [name, status] : cameras) {
+    for (const capture::SettingDifference& difference : status.differences) {
+      file.element("difference").text("camera", name).text("setting", difference.setting);
+      file.text("asked", difference.asked).text("got", difference.got);
+      file.boolean("rounded", difference.rounded);
+    }
+  }
+  return file.written();
+}
+
+void CameraSettingsFile::update(const std::string& text) {
+  if (text == last_) return;
+  last_ = text;
+  const io::Status written = io::replace_file(path_, text);
+  if (!written) spdlog::warn("{}", written.error().message);
+}
+
+namespace {
+
+constexpr size_t kQueue = 4;
+
+}  // namespace
+
+FirmwareMonitor::FirmwareMonitor(bus::Bus& bus, const std::vector<std::string>& nodes) {
+  for (const std::string& node : nodes) {
+    subscriptions_.push_back(std::make_unique<bus::Subscription<wire::HealthMessage>>(
+        bus, wire::health_channel(node), kQueue));
+  }
+}
+
+std::string FirmwareMonitor::differences(const wire::HealthMessage& own) {
+  for (const auto& subscription : subscriptions_) {
+    while (auto health = subscription->wait(Monotonic::now())) {
+      health_[health->node] = std::move(*health);
+    }
+  }
+  health_[own.node] = own;
+  return control::firmware_differences(health_);
 }
 
 }  // namespace v3d::captured

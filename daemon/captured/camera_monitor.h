@@ -1,13 +1,16 @@
-// Camera health: numbers of each camera for health messages, and events about lost cameras and
-// missing or suspect frames.
+// Monitoring of cameras: health and events, the file of their settings, their firmware.
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <map>
+#include <memory>
 #include <string>
+#include <vector>
 
 #include "base/core/time.h"
 #include "capture/cameras/camera_worker.h"
+#include "daemon/bus/bus.h"
 #include "daemon/bus/event_sender.h"
 #include "wire/messages.h"
 
@@ -72,6 +75,46 @@ class CameraMonitor {
   bus::EventSender& events_;
   RateMeter rates_;
   std::map<std::string, Reported> reported_;  ///< by camera
+};
+
+// File about the cameras of a node: models, firmware, and settings that differ from the studio
+// file.
+
+/// TOML: [[camera]] name, device, and [[difference]] camera, setting, asked, got, rounded, for each
+/// camera by name. Cameras that were never opened are absent.
+std::string camera_settings_text(const std::string& node,
+                                 const std::map<std::string, capture::CameraWorkerStatus>& cameras);
+
+/// .camera-settings-NODE.toml in the folder of takes. One thread.
+class CameraSettingsFile {
+ public:
+  explicit CameraSettingsFile(std::filesystem::path path) : path_(std::move(path)) {}
+
+  /// Replaces the file when its content would differ from that of the last call. An error is
+  /// logged; the next call with another content tries again.
+  void update(const std::string& text);
+
+ private:
+  const std::filesystem::path path_;
+  std::string last_;
+};
+
+// Watches that the cameras of one model have the same firmware in the whole studio.
+
+/// Reads the models and firmware of the cameras of other nodes from their health. The trigger's
+/// node has one, so the studio reports a difference once. One thread.
+class FirmwareMonitor {
+ public:
+  /// `nodes`: the other capture nodes. `bus` outlives the monitor.
+  FirmwareMonitor(bus::Bus& bus, const std::vector<std::string>& nodes);
+
+  /// Reads the messages that have arrived; never waits. Returns control::firmware_differences() of
+  /// them and of `own`, the health of this node. A node that falls silent keeps its last cameras.
+  std::string differences(const wire::HealthMessage& own);
+
+ private:
+  std::vector<std::unique_ptr<bus::Subscription<wire::HealthMessage>>> subscriptions_;
+  std::map<std::string, wire::HealthMessage> health_;  ///< last of each node
 };
 
 }  // namespace v3d::captured

@@ -9,7 +9,7 @@
 #include "base/config/studio_values.h"
 #include "base/core/error.h"
 #include "base/core/text.h"
-#include "daemon/captured/sound_health.h"
+#include "daemon/captured/node_sound.h"
 #include "daemon/control/reply_json.h"
 #include "daemon/node/advice.h"
 #include "daemon/node/service.h"

@@ -13,8 +13,6 @@
 #include "daemon/bus/event_sender.h"
 #include "daemon/captured/active_take.h"
 #include "daemon/captured/camera_monitor.h"
-#include "daemon/captured/camera_settings_file.h"
-#include "daemon/captured/firmware_monitor.h"
 #include "daemon/captured/light_output.h"
 #include "daemon/captured/live_admission.h"
 #include "daemon/captured/node_devices.h"

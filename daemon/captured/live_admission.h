@@ -23,9 +23,20 @@ class LiveAdmission {
       : backlog_(std::move(backlog)), limit_(limit) {}
 
   /// Whether the pulse is published. The first call for a pulse decides.
-  bool admits(int64_t pulse);
+  bool admits(int64_t pulse) {
+    const std::lock_guard lock(mutex_);
+    if (const auto known = decided_.find(pulse); known != decided_.end()) return known->second;
+    const bool live = backlog_() <= limit_;
+    decided_.emplace(pulse, live);
+    if (!live) ++skipped_;
+    if (decided_.size() > kMaxDecisions) decided_.erase(decided_.begin());
+    return live;
+  }
   /// The number of pulses skipped.
-  int64_t skipped() const;
+  int64_t skipped() const {
+    const std::lock_guard lock(mutex_);
+    return skipped_;
+  }
 
  private:
   /// Decisions that are kept. Camera queues are shorter, so no older pulse is asked for.

@@ -1,4 +1,4 @@
-// Sound of a capture node: its device, and the recording of a take.
+// Sound of a capture node: its device, the recording of a take, and the health of both.
 #pragma once
 
 #include <atomic>
@@ -15,8 +15,9 @@
 #include "base/config/studio_file.h"
 #include "base/io/file.h"
 #include "capture/sync/pulse_times.h"
-#include "daemon/captured/sound_check.h"
+#include "daemon/bus/event_sender.h"
 #include "daemon/captured/sound_receiver.h"
+#include "daemon/captured/timecode_output.h"
 #include "sound/level_monitor.h"
 #include "sound/sound_device.h"
 #include "sound/sound_track.h"
@@ -25,6 +26,7 @@
 #include "take/ledger/sound_ledger.h"
 #include "take/logs/log_files.h"
 #include "take/take.h"
+#include "wire/messages.h"
 
 namespace v3d::captured {
 
@@ -150,5 +152,19 @@ class NodeSound {
   std::atomic<double> stamp_uncertainty_s_ = 1e-3;
   std::thread thread_;  ///< last member
 };
+
+// Health and conditions of the sound devices of a capture node.
+
+/// Adds sound_open_flag, sound_samples, sound_xruns, sound_peak_N_db, sound_channels_clipping and
+/// sound_channels_silent and sound_timecode_jumps to the health. Reports faults of device and file,
+/// lost samples, jumps of the timecode in the take, and each channel that clips or is silent as
+/// conditions.
+void report_sound(const NodeSound::Status& status, wire::HealthMessage& health,
+                  bus::EventSender& events);
+
+/// Adds timecode_output_open_flag and timecode_output_underruns to the health. Reports faults of
+/// the device and underruns as conditions.
+void report_timecode_output(const TimecodeOutput::Status& status, wire::HealthMessage& health,
+                            bus::EventSender& events);
 
 }  // namespace v3d::captured

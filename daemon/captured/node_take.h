@@ -20,7 +20,6 @@
 #include "daemon/captured/node_devices.h"
 #include "daemon/captured/node_sound.h"
 #include "daemon/captured/preview.h"
-#include "daemon/captured/resume_state.h"
 #include "daemon/captured/take_disk.h"
 #include "daemon/captured/take_rejoin.h"
 #include "daemon/node/service.h"

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "daemon/captured/node_sound.h"
-#include "daemon/captured/time_of_day.h"
+#include "daemon/captured/timecode_output.h"
 #include "sound/timecode.h"
 #include "take/ledger/sound_mapping.h"
 #include "take/take_sound.h"

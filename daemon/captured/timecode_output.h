@@ -1,8 +1,9 @@
-// Timecode output of the trigger's node.
+// Timecode output of the trigger's node, and the time of day as timecode.
 #pragma once
 
 #include <condition_variable>
 #include <cstdint>
+#include <ctime>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -10,12 +11,37 @@
 #include <thread>
 
 #include "base/config/studio_file.h"
+#include "base/core/time.h"
 #include "base/io/file.h"
 #include "capture/sync/pulse_times.h"
 #include "sound/sound_device.h"
 #include "sound/timecode_clock.h"
 
 namespace v3d::captured {
+
+// Local time of day of instants of the monotonic clock, also as timecode.
+
+/// The same instant by the realtime clock, from the current difference of the clocks.
+inline RealtimeInstant to_realtime(MonotonicInstant at) {
+  return Realtime::now() - (Monotonic::now() - at);
+}
+
+/// Seconds since midnight in the time zone of this process.
+inline double seconds_of_day(MonotonicInstant at) {
+  const int64_t ns = to_ns(to_realtime(at));
+  const auto seconds = static_cast<time_t>(ns / 1'000'000'000);
+  tm local{};
+  localtime_r(&seconds, &local);
+  return (local.tm_hour * 60.0 + local.tm_min) * 60 + local.tm_sec +
+         static_cast<double>(ns % 1'000'000'000) * 1e-9;
+}
+
+/// The timecode of the time of day, from `at` on.
+inline sound::TimecodeClock day_clock(sound::TimecodeRate rate, MonotonicInstant at) {
+  return {rate, seconds_of_day(at) * sound::frames_per_second(rate), at};
+}
+
+// Timecode output of the trigger's node.
 
 using OpenSoundOutput = std::function<io::Result<std::unique_ptr<sound::SoundOutput>>(
     const StudioTimecodeOutput& output)>;

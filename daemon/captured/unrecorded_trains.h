@@ -18,7 +18,7 @@
 #include "capture/segmentation/segmenter.h"
 #include "daemon/bus/bus.h"
 #include "daemon/captured/preview.h"
-#include "daemon/captured/sound_check.h"
+#include "daemon/captured/sound_receiver.h"
 #include "daemon/node/service.h"
 #include "take/ledger/ledger.h"
 

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "daemon/captured/pulse_log.h"
+#include "daemon/captured/pulse_recorder.h"
 #include "daemon/control/node_protocol.h"
 #include "daemon/node/peer_health.h"
 #include "daemon/node/persisted_command.h"

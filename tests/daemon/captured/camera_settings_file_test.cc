@@ -1,10 +1,9 @@
-#include "daemon/captured/camera_settings_file.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
 #include "base/config/toml_file.h"
+#include "daemon/captured/camera_monitor.h"
 #include "support/temporary_folder.h"
 
 namespace v3d::captured {

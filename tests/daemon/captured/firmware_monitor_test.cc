@@ -1,8 +1,7 @@
 // FirmwareMonitor on a real network.
-#include "daemon/captured/firmware_monitor.h"
-
 #include <gtest/gtest.h>
 
+#include "daemon/captured/camera_monitor.h"
 #include "support/child_process.h"
 
 namespace v3d::captured {

@@ -1,9 +1,8 @@
-#include "daemon/captured/pulse_log.h"
-
 #include <gtest/gtest.h>
 
 #include <cerrno>
 
+#include "daemon/captured/pulse_recorder.h"
 #include "support/fsync_hook.h"
 #include "support/temporary_folder.h"
 

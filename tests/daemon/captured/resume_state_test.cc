@@ -1,10 +1,9 @@
 // The latency of a camera before a restart, from the logs of its take.
-#include "daemon/captured/resume_state.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include "daemon/captured/take_rejoin.h"
 #include "support/temporary_folder.h"
 
 namespace v3d::captured {

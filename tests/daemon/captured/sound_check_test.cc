@@ -1,11 +1,10 @@
-#include "daemon/captured/sound_check.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <functional>
 
+#include "daemon/captured/sound_receiver.h"
 #include "support/sounding_take.h"
 
 namespace v3d::captured {

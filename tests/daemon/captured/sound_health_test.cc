@@ -1,8 +1,7 @@
-#include "daemon/captured/sound_health.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "daemon/captured/node_sound.h"
 #include "support/child_process.h"
 #include "wire/messages.h"
 
