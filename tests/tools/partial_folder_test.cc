@@ -1,10 +1,9 @@
-#include "common/partial_folder.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "base/core/error.h"
 #include "base/io/file.h"
+#include "common/partial_file.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "base/io/file.h"
-#include "common/ply_file.h"
+#include "common/mesh_file.h"
 #include "sim/performer/skeleton.h"
 #include "sim/rendering/camera_images.h"
 

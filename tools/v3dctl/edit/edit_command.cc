@@ -9,7 +9,7 @@
 #include "base/core/error.h"
 #include "base/io/file.h"
 #include "common/console.h"
-#include "common/partial_folder.h"
+#include "common/partial_file.h"
 #include "recon/editing/feet.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/edit/editor.h"

@@ -11,7 +11,7 @@
 #include "base/io/file.h"
 #include "codec/motion_codec.h"
 #include "common/console.h"
-#include "common/partial_folder.h"
+#include "common/partial_file.h"
 #include "recon/pipeline/compact_frame.h"
 #include "take/take.h"
 #include "v3dctl/edit/editor.h"

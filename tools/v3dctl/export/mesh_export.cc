@@ -15,6 +15,7 @@
 #include "common/ply_file.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "take/take.h"
+#include "common/mesh_file.h"
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {

@@ -14,7 +14,6 @@
 #include "base/io/file.h"
 #include "common/console.h"
 #include "common/partial_file.h"
-#include "common/partial_folder.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "take/take_sound.h"
 #include "sound/wave_file.h"

@@ -17,7 +17,7 @@
 #include "base/io/file.h"
 #include "codec/motion_codec.h"
 #include "common/console.h"
-#include "common/partial_folder.h"
+#include "common/partial_file.h"
 #include "recon/texture/atlas_colours.h"
 #include "take/take_sound.h"
 #include "v3dctl/export/mesh_export.h"

@@ -21,7 +21,7 @@
 #include "base/io/file.h"
 #include "capture/segmentation/segmenter.h"
 #include "common/console.h"
-#include "common/partial_folder.h"
+#include "common/partial_file.h"
 #include "take/ledger/ledger.h"
 #include "take/ledger/take_account.h"
 #include "take/logs/frame_log.h"

@@ -5,9 +5,8 @@
 #include <utility>
 
 #include "base/core/error.h"
+#include "common/mesh_file.h"
 #include "common/natural_order.h"
-#include "common/obj_file.h"
-#include "common/ply_file.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "daemon/recorded/take_frames.h"
 #include "recon/mesh/mesh_neighbours.h"

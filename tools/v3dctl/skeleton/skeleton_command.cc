@@ -9,7 +9,7 @@
 #include "base/core/text.h"
 #include "base/io/file.h"
 #include "common/console.h"
-#include "common/partial_folder.h"
+#include "common/partial_file.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/options.h"
 #include "v3dctl/skeleton/take_skeleton.h"

@@ -1,4 +1,4 @@
-// Reader and writer of PLY files.
+// Files of meshes: reader and writer of PLY, reader of OBJ.
 #pragma once
 
 #include <array>
@@ -41,5 +41,13 @@ struct PlyColours {
 /// count and int indices. Replaces the file. Throws std::runtime_error when it cannot be written.
 void write_ply(const std::filesystem::path& path, const Mesh& mesh,
                std::span<const PlyColours> more = {});
+
+// Reader of OBJ files.
+
+/// Positions and faces of a Wavefront OBJ file; faces with more than three corners become
+/// triangles. Materials, normals and texture coordinates are ignored. Throws InputError with the
+/// path when the file cannot be read, has no face, has a vertex that is not finite, or names one
+/// that it does not have.
+Mesh read_obj(const std::filesystem::path& path);
 
 }  // namespace v3d
