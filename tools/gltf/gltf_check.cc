@@ -1,5 +1,3 @@
-#include "gltf/gltf_check.h"
-
 #include <algorithm>
 #include <climits>
 #include <nlohmann/json.hpp>
@@ -10,6 +8,7 @@
 #include "base/core/error.h"
 #include "base/core/text.h"
 #include "base/io/file.h"
+#include "gltf/gltf_file.h"
 
 namespace v3d {
 namespace {

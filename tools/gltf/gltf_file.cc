@@ -7,7 +7,6 @@
 
 #include "base/core/error.h"
 #include "base/io/file.h"
-#include "gltf/gltf_check.h"
 
 namespace v3d {
 namespace {
