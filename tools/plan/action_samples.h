@@ -1,15 +1,19 @@
 // The performer model of the planner: points of the surface of simulated performers at several
-// moments of their action and several places of the space.
+// moments of their action and several places of the space, and which of them a camera sees.
 #pragma once
 
 #include <Eigen/Core>
 #include <cstdint>
 #include <vector>
 
+#include "base/geometry/camera_model.h"
 #include "base/geometry/rigid_transform.h"
 #include "sim/rendering/camera_images.h"
 
 namespace v3d::plan {
+
+// The performer model of the planner: points of the surface of simulated performers at several
+// moments of their action and several places of the space.
 
 enum class Cast : uint8_t { kSwordsman, kDuel };
 
@@ -48,5 +52,21 @@ double floor_of(const Box& space);
 /// narrow space they stand in its middle. Deterministic. Moments in parallel.
 ActionSamples sample_action(const Box& space, const ActionOptions& options);
 inline constexpr double kReachM = 0.6;
+
+// Which points of the performers a position or a camera sees.
+
+/// A surface seen at a larger angle between its normal and the ray counts as not seen.
+inline constexpr double kMaxIncidenceDeg = 75;
+
+/// For each sample the cosine of the angle of incidence of the ray from `eye` (world, metres); 0
+/// where another surface hides the sample or the angle exceeds kMaxIncidenceDeg.
+///
+/// `own_performer_only`: other performers hide nothing. Decides by depth rasters with pixels of
+/// about 5 mm on the performer. Any thread.
+std::vector<float> incidence_from(const Eigen::Vector3d& eye, const ActionSamples& action,
+                                  bool own_performer_only = false);
+
+/// Whether `camera` has the sample inside its image, disregarding other surfaces.
+bool in_image(const CameraModel& camera, const SurfaceSample& sample);
 
 }  // namespace v3d::plan

@@ -4,7 +4,7 @@
 #include <array>
 #include <vector>
 
-#include "plan/visibility.h"
+#include "plan/action_samples.h"
 
 namespace v3d::plan {
 
