@@ -6,7 +6,6 @@
 
 #include <limits>
 
-#include "arrays.h"
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
 #include "bindings.h"

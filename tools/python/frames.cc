@@ -6,13 +6,11 @@
 #include <unordered_set>
 #include <variant>
 
-#include "arrays.h"
 #include "base/core/error.h"
 #include "base/image/colour.h"
 #include "base/image/frame.h"
 #include "bindings.h"
 #include "daemon/recorded/take_frames.h"
-#include "iterator.h"
 #include "recon/texture/undistortion.h"
 #include "take/logs/frame_log.h"
 

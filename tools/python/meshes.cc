@@ -6,11 +6,9 @@
 #include <iterator>
 #include <mutex>
 
-#include "arrays.h"
 #include "base/core/error.h"
 #include "bindings.h"
 #include "daemon/recorded/mesh_frames.h"
-#include "iterator.h"
 #include "recon/pipeline/compact_frame.h"
 
 namespace v3d::python {

@@ -6,12 +6,10 @@
 #include <algorithm>
 #include <mutex>
 
-#include "arrays.h"
 #include "base/core/error.h"
 #include "base/io/file.h"
 #include "bindings.h"
 #include "codec/motion_codec.h"
-#include "iterator.h"
 
 namespace v3d::python {
 
