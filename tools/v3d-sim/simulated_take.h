@@ -15,6 +15,37 @@
 
 namespace v3d::sim {
 
+// The truth of a simulated take: surfaces, points and joints.
+
+/// Writes the files that v3d-sim(1) describes under --truth. One caller at a time.
+class TakeTruth {
+ public:
+  /// Creates the folders. `seed`: that of the take.
+  TakeTruth(std::filesystem::path folder, Rig rig, std::vector<Performer> cast, uint64_t seed);
+
+  /// Writes the surfaces and points of a pulse, and keeps its joints. `seconds`: time of the
+  /// action. Throws std::runtime_error where a file cannot be written.
+  void write(int64_t pulse, double seconds);
+  /// Writes joints.json with the joints of the pulses so far.
+  void write_joints() const;
+
+ private:
+  struct PulseJoints {
+    int64_t pulse = 0;
+    std::vector<Eigen::Vector3d> positions;  ///< of all performers
+  };
+
+  std::filesystem::path performer_folder(size_t index) const;
+
+  std::filesystem::path folder_;
+  Rig rig_;
+  std::vector<Performer> cast_;
+  uint64_t seed_;
+  bool has_sword_;
+  std::optional<SurfacePoints> points_;  ///< chosen at the first pulse
+  std::vector<PulseJoints> joints_;
+};
+
 // Fault scripts for simulated takes and studios.
 
 /// Reads a TOML file with [[fault]] tables: camera = "cam03", pulse = 12, kind = "drop", and the
@@ -52,7 +83,7 @@ struct SimulatedTake {
   // The frames have masks if one of these is not 0.
   double outline_noise_px = 0;  ///< standard deviation of the noise of outlines
   int mask_dilation_px = 0;     ///< pixels of the room on every side of a mask
-  /// Folder for the truth (take_truth.h).
+  /// Folder for the truth (TakeTruth).
   std::optional<std::filesystem::path> truth;
 };
 
