@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string_view>
@@ -92,5 +93,18 @@ void carry_prop(Clip& clip, const SkeletonPulse& held, Joint hand);
 
 /// Rises smoothly from 0 at t <= 0 to 1 at t >= 1.
 double smooth_step(double t);
+
+// Retargeting: an action shown by another performer.
+
+/// Shows the action of `clip` by the performer of another clip: its surface in frame `shown` is
+/// posed by the rotations of the action, with the bones that it has there. Positions of the pelvis
+/// are scaled by the ratio of the lengths of the legs, from the point of the floor (z = 0) below
+/// the first one, so that steps fit the legs. A prop is that of the other performer. The clip gets
+/// the surface and the colours of that one frame. Requires a clip with a frame, and `shown` in
+/// `performer`.
+///
+/// Source: Gleicher, Retargetting motion to new characters, SIGGRAPH 1998, for the problem; here
+/// rotations are copied, and contacts are left to hold_feet().
+void swap_performer(Clip& clip, const Clip& performer, size_t shown);
 
 }  // namespace v3d::recon

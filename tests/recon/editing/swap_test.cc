@@ -1,7 +1,6 @@
-#include "recon/editing/swap.h"
-
 #include <gtest/gtest.h>
 
+#include "recon/editing/clip.h"
 #include "recon/editing/clips.h"
 #include "recon/skeleton/joint_rotations.h"
 

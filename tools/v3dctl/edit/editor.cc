@@ -10,8 +10,8 @@
 #include "base/core/error.h"
 #include "base/core/text.h"
 #include "common/console.h"
+#include "recon/editing/clip.h"
 #include "recon/editing/feet.h"
-#include "recon/editing/swap.h"
 
 namespace v3d::ctl {
 namespace {
