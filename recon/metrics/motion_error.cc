@@ -1,11 +1,10 @@
-#include "recon/metrics/motion_error.h"
-
 #include <algorithm>
 #include <limits>
 #include <utility>
 
 #include "base/core/statistics.h"
 #include "recon/mesh/mesh_neighbours.h"
+#include "recon/metrics/evaluation.h"
 #include "recon/metrics/nearest_triangle.h"
 
 namespace v3d::recon {

@@ -1,9 +1,8 @@
-#include "recon/metrics/motion_error.h"
-
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
 
+#include "recon/metrics/evaluation.h"
 #include "recon/shapes.h"
 
 namespace v3d::recon {
