@@ -122,4 +122,10 @@ class GraphSolver {
   std::unique_ptr<Impl> impl_;
 };
 
+/// The motion when each node turns and moves on as it did from `before` to `now`. `ratio`: the time
+/// from `now` to the result, as a multiple of the time from `before` to `now`; 1 for pulses that
+/// are evenly spaced. Requires motions of the same nodes and ratio > 0.
+std::vector<NodeMotion> with_same_speed(std::span<const NodeMotion> before,
+                                        std::span<const NodeMotion> now, double ratio);
+
 }  // namespace v3d::recon

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "recon/motion/segment_tracker.h"
 #include "recon/pipeline/compact_frame.h"
 
 namespace v3d::recon {

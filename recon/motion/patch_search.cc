@@ -1,9 +1,8 @@
-#include "recon/motion/patch_search.h"
-
 #include <algorithm>
 
 #include "base/core/error.h"
 #include "recon/mesh/mesh_neighbours.h"
+#include "recon/motion/surface_patches.h"
 
 namespace v3d::recon {
 namespace {

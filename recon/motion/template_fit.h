@@ -1,5 +1,5 @@
 // Fit of a template surface to one pulse: the motion of its graph, then a displacement of each
-// vertex.
+// vertex; and how well the pulse confirms the positions of the vertices.
 #pragma once
 
 #include <cstdint>
@@ -8,7 +8,6 @@
 
 #include "recon/mesh/mesh_neighbours.h"
 #include "recon/motion/deformation_graph.h"
-#include "recon/motion/observation.h"
 #include "recon/motion/segment_tracker.h"
 #include "recon/motion/surface_patches.h"
 
@@ -99,6 +98,27 @@ class TemplateFit {
   std::vector<uint8_t> visible_in_;
   std::vector<Eigen::Matrix3f> patch_rotations_;  ///< rotations at the patches
   PatchMatches matches_;                          ///< of the last stage
+};
+
+/// Confidences of the vertices at ascending pulses of a segment. Each is 255 times the product of
+///   - a third of the number of cameras that see the vertex, at most 1;
+///   - exp(-(r / 10 mm)^2), where r is the displacement along the normal from the fitted graph to
+///     the observed surface. Without one the vertex is only predicted, and the factor is 0;
+///   - exp(-(s / 10 mm)^2), where s is the distance of the nearest patch from where it was found,
+///     in the directions of its texture;
+///   - 1 less a twentieth for each pulse since the nearest patch was found last at which a camera
+///     shows it whole, at most ten: there the surface has probably slid.
+/// The last two are 1 where the nearest patch was never learnt, and without images. One thread.
+class VertexConfidence {
+ public:
+  /// Of the next pulse, after TemplateFit::fit(). `detail`: its displacements at this pulse.
+  std::vector<uint8_t> of_pulse(const TemplateFit& fit, const NormalDisplacements& detail);
+
+ private:
+  /// The factor of each patch, by its vertex.
+  std::vector<float> patch_factors(const TemplateFit& fit);
+
+  std::vector<uint8_t> missing_;  ///< by the vertex of a patch: successive pulses without a match
 };
 
 }  // namespace v3d::recon

@@ -1,8 +1,8 @@
-#include "recon/motion/motion_prediction.h"
-
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+
+#include "recon/motion/deformation_graph.h"
 
 namespace v3d::recon {
 namespace {

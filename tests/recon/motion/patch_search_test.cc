@@ -1,6 +1,6 @@
-#include "recon/motion/patch_search.h"
-
 #include <gtest/gtest.h>
+
+#include "recon/motion/surface_patches.h"
 
 namespace v3d::recon {
 namespace {

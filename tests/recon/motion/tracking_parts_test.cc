@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "recon/motion/deformation_graph.h"
-#include "recon/motion/observation.h"
 #include "recon/motion/segment_tracker.h"
 #include "recon/motion/template_fit.h"
 #include "recon/motion/template_surface.h"

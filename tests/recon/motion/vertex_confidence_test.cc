@@ -1,5 +1,3 @@
-#include "recon/motion/vertex_confidence.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -7,6 +5,7 @@
 #include <vector>
 
 #include "recon/motion/segment_tracker.h"
+#include "recon/motion/template_fit.h"
 #include "recon/motion/tracked_body.h"
 #include "recon/shapes.h"
 
