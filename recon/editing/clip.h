@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "base/geometry/mesh.h"
-#include "recon/skeleton/skin.h"
+#include "recon/skeleton/tracked_skeleton.h"
 
 namespace v3d::recon {
 

@@ -6,7 +6,7 @@
 #include <limits>
 #include <numbers>
 
-#include "recon/skeleton/graph_branches.h"
+#include "recon/skeleton/reeb_graph.h"
 
 namespace v3d::recon {
 namespace {

@@ -1,8 +1,12 @@
-// Body parts detected in one mesh: ends of its Reeb graph, a prop, points of the surface.
+// Body parts detected in meshes: ends of the Reeb graph, a prop, points of the surface; and the
+// head over the pulses of a take.
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -49,5 +53,25 @@ struct BodyEvidence {
 /// upright (world z is up): the head is the highest end that is no limb, feet are the lowest ends.
 /// `graph`: of `mesh`. Deterministic; thread-safe.
 BodyEvidence body_evidence(const Mesh& mesh, const ReebGraph& graph);
+
+// The head of a body over the pulses of a take.
+
+/// A pulse whose mesh shows a body.
+struct SeenPulse {
+  size_t index = 0;    ///< of the evidence
+  int64_t number = 0;  ///< of the pulse: 25 a second
+  const BodyEvidence* evidence = nullptr;
+};
+
+/// World frame, metres.
+struct HeadPosition {
+  Eigen::Vector3d head = Eigen::Vector3d::Zero(), neck = Eigen::Vector3d::Zero();
+  double weight = 0;  ///< 1: an end of the graph; less: interpolated; 0: unknown
+};
+
+/// The head at all pulses of `seen`, which have ascending numbers: the longest series of ends of
+/// graphs that agree with one another, and positions between them. A raised arm can look like a
+/// head.
+std::vector<HeadPosition> follow_head(std::span<const SeenPulse> seen);
 
 }  // namespace v3d::recon

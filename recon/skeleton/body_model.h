@@ -1,4 +1,4 @@
-// The body that is fitted to a performer: joints, bones, proportions, outline.
+// The body that is fitted to a performer: joints, bones, proportions, outline, rotations.
 #pragma once
 
 #include <Eigen/Core>
@@ -104,5 +104,11 @@ inline constexpr size_t kPropCapsule = 15, kHeadCapsule = 0;
 
 /// A standing body: pelvis at `pelvis`, forward direction at `yaw` radians from +x to +y.
 JointPositions standing_pose(const BodyLengths& lengths, const Eigen::Vector3d& pelvis, double yaw);
+
+/// world_from_joint of every joint. Columns: x forward, y to the left, z along the bone: from the
+/// pelvis and the neck to the head, from a hip, shoulder, knee or elbow back from its tip. A wrist,
+/// an ankle and the head have the rotation of the bone that ends there; a prop has z to its tip.
+/// Limbs bend about y. Standing upright, facing +x, with hanging arms: the identity.
+std::array<Eigen::Matrix3d, kJoints> joint_rotations(const JointPositions& joints);
 
 }  // namespace v3d::recon

@@ -1,5 +1,3 @@
-#include "recon/skeleton/graph_similarity.h"
-
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -9,6 +7,7 @@
 #include <tuple>
 
 #include "base/core/error.h"
+#include "recon/skeleton/reeb_graph.h"
 
 namespace v3d::recon {
 namespace {

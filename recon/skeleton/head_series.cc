@@ -1,6 +1,6 @@
-#include "recon/skeleton/head_series.h"
-
 #include <algorithm>
+
+#include "recon/skeleton/body_evidence.h"
 
 namespace v3d::recon {
 namespace {

@@ -10,8 +10,8 @@
 
 #include "base/core/error.h"
 #include "base/core/statistics.h"
-#include "recon/skeleton/head_series.h"
-#include "recon/skeleton/joint_rotations.h"
+#include "recon/skeleton/body_evidence.h"
+#include "recon/skeleton/body_model.h"
 
 namespace v3d::recon {
 namespace {

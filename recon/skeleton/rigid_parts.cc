@@ -1,5 +1,3 @@
-#include "recon/skeleton/rigid_parts.h"
-
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -10,6 +8,7 @@
 #include "base/geometry/rigid_transform.h"
 #include "recon/mesh/mesh_neighbours.h"
 #include "recon/skeleton/pose_fit.h"
+#include "recon/skeleton/tracked_skeleton.h"
 
 namespace v3d::recon {
 namespace {

@@ -1,5 +1,3 @@
-#include "recon/skeleton/skin.h"
-
 #include <tbb/parallel_for.h>
 
 #include <Eigen/Geometry>
@@ -8,6 +6,7 @@
 
 #include "base/core/error.h"
 #include "recon/mesh/mesh_neighbours.h"
+#include "recon/skeleton/tracked_skeleton.h"
 
 namespace v3d::recon {
 namespace {

@@ -19,7 +19,7 @@
 #include "codec/motion_codec.h"
 #include "common/console.h"
 #include "recon/figures.h"
-#include "recon/skeleton/joint_rotations.h"
+#include "recon/skeleton/body_model.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "tools/gliding_take.h"

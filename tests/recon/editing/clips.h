@@ -2,7 +2,7 @@
 #pragma once
 
 #include "recon/editing/clip.h"
-#include "recon/skeleton/joint_rotations.h"
+#include "recon/skeleton/body_model.h"
 
 namespace v3d::recon::clips {
 

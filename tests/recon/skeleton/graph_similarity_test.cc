@@ -1,11 +1,10 @@
-#include "recon/skeleton/graph_similarity.h"
-
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
 #include <Eigen/Geometry>
 
 #include "recon/figures.h"
+#include "recon/skeleton/reeb_graph.h"
 
 namespace v3d::recon {
 namespace {

@@ -11,8 +11,6 @@
 
 #include "recon/figures.h"
 #include "recon/shapes.h"
-#include "recon/skeleton/graph_branches.h"
-#include "recon/skeleton/graph_similarity.h"
 
 namespace v3d::recon {
 namespace {
