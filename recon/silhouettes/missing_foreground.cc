@@ -1,5 +1,3 @@
-#include "recon/silhouettes/missing_foreground.h"
-
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -9,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "recon/silhouettes/silhouette_repair.h"
 #include "recon/texture/texture.h"
 #include "recon/visibility/depth_buffer.h"
 

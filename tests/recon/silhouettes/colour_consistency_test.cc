@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "recon/shapes.h"
-#include "recon/silhouettes/missing_foreground.h"
+#include "recon/silhouettes/silhouette_repair.h"
 
 namespace v3d::recon {
 namespace {

@@ -8,7 +8,7 @@
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
 #include "recon/silhouettes/leave_one_out_hull.h"
-#include "recon/silhouettes/missing_foreground.h"
+#include "recon/silhouettes/silhouette_repair.h"
 
 namespace v3d::recon {
 namespace {
