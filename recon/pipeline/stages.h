@@ -28,7 +28,6 @@
 #include "recon/pipeline/frame_set.h"
 #include "recon/surface/concavity_carving.h"
 #include "recon/surface/deform.h"
-#include "recon/surface/live_deform.h"
 #include "recon/surface/temporal_smoothing.h"
 
 namespace v3d::recon {

@@ -1,5 +1,3 @@
-#include "recon/surface/carving_evidence.h"
-
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -10,6 +8,7 @@
 #include "base/core/error.h"
 #include "base/image/mask_operations.h"
 #include "recon/hull/brick_halo.h"
+#include "recon/surface/concavity_carving.h"
 #include "recon/visibility/vertex_visibility.h"
 
 namespace v3d::recon {

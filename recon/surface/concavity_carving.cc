@@ -12,7 +12,6 @@
 #include "recon/hull/volume_components.h"
 #include "recon/mesh/mesh_neighbours.h"
 #include "recon/surface/belief_propagation.h"
-#include "recon/surface/carving_evidence.h"
 #include "recon/surface/template_windows.h"
 #include "recon/surface/temporal_smoothing.h"
 

@@ -1,5 +1,3 @@
-#include "recon/surface/live_deform.h"
-
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_invoke.h>

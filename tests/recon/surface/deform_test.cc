@@ -11,7 +11,6 @@
 #include "recon/mesh/self_intersection.h"
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
-#include "recon/surface/live_deform.h"
 #include "recon/visibility/cell_visibility.h"
 
 namespace v3d::recon {

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 #include <tbb/parallel_for.h>
 
-#include "recon/surface/carving_evidence.h"
+#include "recon/surface/concavity_carving.h"
 #include "recon/volumes.h"
 
 namespace v3d::recon {

@@ -2,7 +2,7 @@
 
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
-#include "recon/surface/carving_evidence.h"
+#include "recon/surface/concavity_carving.h"
 #include "recon/volumes.h"
 
 namespace v3d::recon {
