@@ -14,7 +14,7 @@
 #include "codec/motion_header.h"
 #include "recon/mesh/mesh_neighbours.h"
 #include "recon/render/renderer.h"
-#include "recon/texture/view_colours.h"
+#include "recon/texture/texture.h"
 
 namespace v3d::recorded {
 namespace {

@@ -12,7 +12,7 @@
 #include "recon/motion/position_filter.h"
 #include "recon/motion/template_fit.h"
 #include "recon/motion/template_surface.h"
-#include "recon/texture/colour_filter.h"
+#include "recon/texture/atlas_colours.h"
 
 namespace v3d::recon {
 namespace {

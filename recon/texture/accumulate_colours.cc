@@ -1,4 +1,4 @@
-#include "recon/texture/accumulate_colours.h"
+#include "recon/texture/texture.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "recon/texture/accumulate_colours.cc"
@@ -9,7 +9,6 @@
 #include <cstring>
 
 #include "recon/render/rasteriser.h"
-#include "recon/texture/texture.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace v3d::recon::HWY_NAMESPACE {

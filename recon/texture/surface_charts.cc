@@ -1,5 +1,3 @@
-#include "recon/texture/surface_charts.h"
-
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
@@ -17,6 +15,7 @@
 #include "base/core/union_find.h"
 #include "recon/mesh/mesh_neighbours.h"
 #include "recon/render/rasteriser.h"
+#include "recon/texture/texture_atlas.h"
 
 namespace v3d::recon {
 namespace {

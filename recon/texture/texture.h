@@ -1,8 +1,9 @@
-// Colours of vertices, blended and by camera.
+// Colours of vertices: blended, by camera, and for a viewpoint.
 #pragma once
 
 #include <Eigen/Core>
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -11,8 +12,12 @@
 
 #include "base/geometry/camera_model.h"
 #include "base/geometry/mesh.h"
+#include "base/image/colour.h"
 #include "base/image/frame.h"
-#include "recon/texture/accumulate_colours.h"
+#include "codec/frame_codec.h"
+#include "recon/hull/voxel_grid.h"
+#include "recon/texture/colour_mask.h"
+#include "recon/visibility/point_depth_buffer.h"
 
 namespace v3d::recon {
 
@@ -94,6 +99,56 @@ struct Texture {
 Texture colour_vertices(const Mesh& mesh, std::span<const TextureCamera> cameras,
                         const TextureOptions& options);
 
+// Accumulates the colours that one camera sees at the vertices of a mesh: the inner loop of the
+// texture.
+
+/// A ColourResponse in single precision: common colour = matrix * sample + offset, clamped to 0 to
+/// 255.
+struct SampleCorrection {
+  Eigen::Matrix3f matrix;
+  Eigen::Vector3f offset;
+  explicit SampleCorrection(const ColourResponse& response)
+      : matrix(response.matrix.cast<float>()),
+        offset((-response.matrix * response.black).cast<float>()) {}
+};
+
+/// A camera prepared for one frame. Immutable; any thread.
+struct VertexCamera {
+  VoxelCamera lens;  ///< for points in metres
+  Eigen::Vector3f axis{0, 0, 1};
+  const Frame* frame = nullptr;  ///< borrowed; its roi is not empty
+  /// The pixels of the roi in RGB, sampled instead of those of the frame where present.
+  std::optional<Image> demosaiced = std::nullopt;
+  ColourMask mask;
+  PointDepthBuffer depth;
+  float tolerance_m = 0;   ///< see TextureOptions::depth_tolerance_m
+  float max_slant = 0;     ///< see TextureOptions::max_slant
+  float cell_m_per_m = 0;  ///< width of a depth cell in metres at one metre of distance
+  /// Weight of all samples. Empty: the square of `resolution` times cosine over depth, with the
+  /// cosine between vertex normal and optical axis;
+  std::optional<float> weight;
+  /// or, with 0, the cosine alone.
+  float resolution = 0;
+  std::optional<SampleCorrection> colour = std::nullopt;  ///< applied to all samples
+};
+
+/// Weighted sums of equation (8) over cameras for a block of vertices: red, green and blue times
+/// weight, and the weight.
+struct ColourSums {
+  using Sums = std::array<std::array<float, 4>, PointArrays::kBlock>;
+  alignas(64) Sums inner{};  ///< samples of foreground pixels alone
+  alignas(64) Sums rim{};    ///< samples that may contain background
+  /// Samples of ColourMask::background_like(): probably background.
+  alignas(64) Sums background_like{};
+};
+
+/// Adds the colours of vertices `first` to `first` + kBlock that `camera` sees: the normal faces
+/// the camera, no nearer surface hides the vertex, and sample_colour() has a result. `normals`
+/// belong to `vertices` (world, metres) and have unit length or are zero. Vectorised by run-time
+/// dispatch; every instruction set gives the same bits.
+void accumulate_vertex_colours(const VertexCamera& camera, const PointArrays& vertices,
+                               const PointArrays& normals, size_t first, ColourSums& sums);
+
 // Prepares the cameras of a frame set for accumulate_vertex_colours(). Source: the paper, Algorithm
 // 1 (visibility).
 
@@ -124,5 +179,19 @@ struct CameraColours {
 /// options.view and options.fill_passes are ignored. Deterministic: independent of thread count.
 std::vector<CameraColours> camera_colours(const Mesh& mesh, std::span<const TextureCamera> cameras,
                                           const TextureOptions& options);
+
+// Colours of a mesh for a viewpoint from the views of cameras that a compact frame has.
+
+/// `colours`, one entry for each camera, as views of a compact frame. A vertex at the rim of a
+/// silhouette, where the colour may be that of the background, is seen only if no camera sees it
+/// elsewhere (Visibility::kFull). Requires the cameras in `rig`.
+std::vector<codec::CameraView> camera_views(std::span<const CameraColours> colours, const Rig& rig);
+
+/// View-dependent colours: the mean over the cameras that see a vertex, with the weights of
+/// Algorithm 2, equation (7). A vertex that no camera sees keeps its entry of `colours`. Requires
+/// views of all vertices.
+std::vector<Rgb8> blended_views(std::span<const Rgb8> colours,
+                                std::span<const codec::CameraView> views,
+                                const ViewDependence& eye);
 
 }  // namespace v3d::recon

@@ -7,7 +7,6 @@
 
 #include "base/core/error.h"
 #include "recon/render/rasteriser.h"
-#include "recon/texture/surface_charts.h"
 
 // The packer is a header; only this file uses it.
 #define STB_RECT_PACK_IMPLEMENTATION

@@ -1,5 +1,3 @@
-#include "recon/texture/accumulate_colours.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>

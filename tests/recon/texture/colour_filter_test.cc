@@ -1,6 +1,6 @@
-#include "recon/texture/colour_filter.h"
-
 #include <gtest/gtest.h>
+
+#include "recon/texture/atlas_colours.h"
 
 namespace v3d::recon {
 namespace {

@@ -1,5 +1,3 @@
-#include "recon/texture/surface_charts.h"
-
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
@@ -11,6 +9,7 @@
 #include "recon/mesh/mesh_neighbours.h"
 #include "recon/render/rasteriser.h"
 #include "recon/shapes.h"
+#include "recon/texture/texture_atlas.h"
 
 namespace v3d::recon {
 namespace {

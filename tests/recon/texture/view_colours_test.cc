@@ -1,10 +1,9 @@
-#include "recon/texture/view_colours.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "recon/shapes.h"
+#include "recon/texture/texture.h"
 
 namespace v3d::recon {
 namespace {
