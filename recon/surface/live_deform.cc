@@ -15,7 +15,7 @@
 #include "recon/surface/deform.h"
 #include "recon/surface/displacement_field.h"
 #include "recon/surface/template_windows.h"
-#include "recon/visibility/cell_visibility.h"
+#include "recon/visibility/vertex_visibility.h"
 
 namespace v3d::recon {
 namespace {

@@ -9,7 +9,6 @@
 #include <limits>
 
 #include "recon/render/rasteriser.h"
-#include "recon/visibility/cell_visibility.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace v3d::recon::HWY_NAMESPACE {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "recon/visibility/depth_buffer.h"
+#include "recon/visibility/point_depth_buffer.h"
 #include "recon/visibility/surface_camera.h"
 
 namespace v3d::recon {
@@ -71,5 +72,12 @@ void for_each_bit(const VertexBits& bits, const Work& work) {
 /// most `max_facing`, and the vertex projects to one of `pixels`.
 VertexBits grazing_vertices(const Mask& pixels, const VertexVisibility& visibility, size_t count,
                             float max_facing);
+
+/// Like test_visibility(), with the point depth buffer of the mesh in `camera`. Cells are wider
+/// than pixels, so the tolerance grows with the slant across a cell. A vertex outside the valid
+/// cells is not seen; a default-constructed buffer has none.
+void test_cell_visibility(const SurfaceCamera& camera, const PointDepthBuffer& depth,
+                          const PointBlock& positions, const PointBlock& normals,
+                          const VisibilityOptions& options, VertexVisibility& visibility);
 
 }  // namespace v3d::recon

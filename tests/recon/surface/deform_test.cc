@@ -11,7 +11,7 @@
 #include "recon/mesh/self_intersection.h"
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"
-#include "recon/visibility/cell_visibility.h"
+#include "recon/visibility/vertex_visibility.h"
 
 namespace v3d::recon {
 namespace {
