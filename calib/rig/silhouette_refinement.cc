@@ -12,8 +12,6 @@
 #include "base/core/error.h"
 #include "base/core/statistics.h"
 #include "base/geometry/rigid_transform.h"
-#include "calib/rig/epipolar_tangents.h"
-#include "base/geometry/nearest_rotation.h"
 #include "calib/rig/rig_alignment.h"
 
 namespace v3d::calib {

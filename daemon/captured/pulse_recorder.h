@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/config/plausible_pulses.h"
+#include "base/config/studio_values.h"
 #include "base/io/file.h"
 #include "capture/sync/pulse_times.h"
 #include "daemon/bus/bus.h"
@@ -22,7 +22,6 @@
 #include "take/ledger/ledger.h"
 #include "take/logs/frame_log.h"
 #include "trigger/pulse_generator.h"
-#include "trigger/sensed_train.h"
 #include "wire/messages.h"
 
 namespace v3d::captured {

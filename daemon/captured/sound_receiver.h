@@ -14,9 +14,8 @@
 #include "base/config/studio_file.h"
 #include "capture/sync/pulse_times.h"
 #include "daemon/bus/subscription_queue.h"
+#include "sound/level_monitor.h"
 #include "sound/sound_device.h"
-#include "sound/clap.h"
-#include "sound/sound_input.h"
 #include "sound/sound_track.h"
 
 namespace v3d::captured {

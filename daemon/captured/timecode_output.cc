@@ -3,9 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "daemon/captured/time_of_day.h"
 #include "sound/timecode_clock.h"
-#include "sound/ltc_player.h"
 
 namespace v3d::captured {
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "base/core/error.h"
-#include "recon/motion/observation.h"
+#include "recon/motion/segment_tracker.h"
 
 namespace v3d::recon {
 namespace {

@@ -9,8 +9,6 @@
 
 #include "base/core/statistics.h"
 #include "base/geometry/rigid_transform.h"
-#include "recon/skeleton/joint_rotations.h"
-#include "base/geometry/nearest_rotation.h"
 #include "recon/skeleton/body_model.h"
 
 namespace v3d::recon {

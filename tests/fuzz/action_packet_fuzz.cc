@@ -5,10 +5,8 @@
 
 #include "base/io/action_packet.h"
 #include "fuzz_input.h"
-#include "sim/cameras/action_commands.h"
-#include "trigger/action_generator.h"
 #include "sim/cameras/triggers.h"
-#include "trigger/action_acknowledgements.h"
+#include "trigger/action_generator.h"
 
 namespace {
 

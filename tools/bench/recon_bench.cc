@@ -7,7 +7,7 @@
 #include "recon/hull/slender_silhouettes.h"
 #include "recon/hull/sparse_volume.h"
 #include "recon/metrics/frame_quality.h"
-#include "recon/skeleton/graph_similarity.h"
+#include "recon/skeleton/reeb_graph.h"
 #include "recon/surface/deform.h"
 #include "recon/texture/texture.h"
 #include "recon/visibility/depth_buffer.h"

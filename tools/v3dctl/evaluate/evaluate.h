@@ -15,7 +15,6 @@
 #include "daemon/recorded/mesh_frames.h"
 #include "daemon/recorded/take_frames.h"
 #include "recon/metrics/evaluation.h"
-#include "recon/metrics/motion_error.h"
 
 namespace v3d::ctl {
 

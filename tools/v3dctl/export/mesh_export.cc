@@ -12,10 +12,9 @@
 #include "base/core/text.h"
 #include "base/io/file.h"
 #include "common/console.h"
-#include "common/ply_file.h"
+#include "common/mesh_file.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "take/take.h"
-#include "common/mesh_file.h"
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {

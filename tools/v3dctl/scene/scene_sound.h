@@ -11,7 +11,6 @@
 
 #include "common/partial_file.h"
 #include "take/take_sound.h"
-#include "take/take_timecode.h"
 #include "v3dctl/scene/scene_file.h"
 #include "v3dctl/scene/time_stretch.h"
 

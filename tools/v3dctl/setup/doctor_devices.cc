@@ -3,10 +3,8 @@
 #include <optional>
 #include <utility>
 
-#include "sound/sound_device.h"
 #include "base/io/child_process.h"
-#include "sound/sound_input.h"
-#include "sound/sound_output.h"
+#include "sound/sound_device.h"
 #include "v3dctl/setup/doctor.h"
 
 namespace v3d::ctl {

@@ -15,9 +15,8 @@
 #include "base/core/text.h"
 #include "common/console.h"
 #include "daemon/recorded/mesh_frames.h"
-#include "recon/skeleton/graph_similarity.h"
-#include "v3dctl/motion/tracked_surfaces.h"
 #include "recon/skeleton/reeb_graph.h"
+#include "v3dctl/motion/tracked_surfaces.h"
 #include "v3dctl/options.h"
 
 namespace v3d::ctl {
