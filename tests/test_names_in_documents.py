@@ -9,8 +9,8 @@ import sys
 
 ROOT = pathlib.Path(sys.argv[1])
 # Suites whose tests are scripts: their names are in the CMakeLists.txt, or are the files of the lab's stories.
-SCRIPTED = {"Appliance", "Blender", "CommandLine", "Export", "Golden", "Lab", "Library", "Members", "Packages", "Protocol", "Python", "Takes", "Units",
-            "Viewer"}
+SCRIPTED = {"Appliance", "Blender", "CommandLine", "Export", "Golden", "Lab", "Library", "Members", "Packages", "Protocol", "Python", "Sources",
+            "Takes", "Units", "Viewer"}
 # What looks like one in the documents and is none.
 NO_TESTS = {"phase_us", "txt"}
 
