@@ -29,7 +29,7 @@ constexpr double kClapSeconds = 20e-3;
 
 class SimulatedInput : public SoundInput {
  public:
-  SimulatedInput(const StudioSound& sound, const SimulatedSound& options, PulseSource pulses)
+  SimulatedInput(const StudioSound& sound, const SimulatedSound& options, TriggerPulseSource pulses)
       : sound_(sound),
         options_(options),
         pulse_source_(std::move(pulses)),
@@ -139,7 +139,7 @@ class SimulatedInput : public SoundInput {
 
   const StudioSound sound_;
   const SimulatedSound options_;
-  const PulseSource pulse_source_;
+  const TriggerPulseSource pulse_source_;
   const MonotonicInstant start_;
   std::optional<LtcWriter> ltc_;
   std::deque<float> ltc_samples_;
@@ -190,12 +190,12 @@ std::optional<SimulatedSound> parse_simulated_sound(const std::string& device) {
 
 std::unique_ptr<SoundInput> make_simulated_input(const StudioSound& sound,
                                                  const SimulatedSound& options,
-                                                 PulseSource pulses) {
+                                                 TriggerPulseSource pulses) {
   return std::make_unique<SimulatedInput>(sound, options, std::move(pulses));
 }
 
 io::Result<std::unique_ptr<SoundInput>> open_sound_input(const StudioSound& sound,
-                                                         PulseSource pulses) {
+                                                         TriggerPulseSource pulses) {
   if (const auto simulated = parse_simulated_sound(sound.device)) {
     return make_simulated_input(sound, *simulated, std::move(pulses));
   }

@@ -37,12 +37,12 @@ class SoundInput {
 };
 
 /// The pulses of the simulated trigger: returns those since the last call, without waiting.
-using PulseSource = std::function<std::vector<MonotonicInstant>()>;
+using TriggerPulseSource = std::function<std::vector<MonotonicInstant>()>;
 
 /// Opens the device of `sound`. `pulses`: for a simulated device; may be empty. Fails with the
 /// device's name, the cause, and what would be right.
 [[nodiscard]] io::Result<std::unique_ptr<SoundInput>> open_sound_input(const StudioSound& sound,
-                                                                       PulseSource pulses);
+                                                                       TriggerPulseSource pulses);
 
 /// Opens an ALSA device by its name ("hw:CARD=USB", as `arecord -L` lists them). The device
 /// itself must have the rate and the channels: nothing is resampled. Stamps are those of the
@@ -65,7 +65,8 @@ std::optional<SimulatedSound> parse_simulated_sound(const std::string& device);
 /// channel the pulses of `pulses`, the timecode channel LTC of 25 frames per second, from
 /// 10:00:00:00 on. A clap is in the first channel.
 std::unique_ptr<SoundInput> make_simulated_input(const StudioSound& sound,
-                                                 const SimulatedSound& options, PulseSource pulses);
+                                                 const SimulatedSound& options,
+                                                 TriggerPulseSource pulses);
 
 /// The height of a pulse of `width` samples at `t` samples after its leading edge, 0 to 1. Its
 /// edges are Gaussian with a standard deviation of one sample, which a converter can represent.

@@ -118,8 +118,8 @@ class ViewSolver {
         corrections_(options.cameras.size(), identity()) {}
 
   std::vector<Correction> solve() {
-    constexpr int kRounds = 6;
-    for (int round = 0; round < kRounds; ++round) {
+    constexpr int kIterations = 6;
+    for (int iteration = 0; iteration < kIterations; ++iteration) {
       build_normal_matrix();
       for (int channel = 0; channel < 3; ++channel) solve_channel(channel);
     }

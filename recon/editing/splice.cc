@@ -117,10 +117,10 @@ double step(const Clip& clip, size_t frame) {
 
 }  // namespace
 
-Transition best_transition(const Clip& a, ClipRange at, const Clip& b, ClipRange from, size_t blend,
-                           const std::function<void()>& on_frame) {
+SpliceTransition best_transition(const Clip& a, ClipRange at, const Clip& b, ClipRange from,
+                                 size_t blend, const std::function<void()>& on_frame) {
   V3D_CHECK(blend >= 1 && a.frames.size() > blend + 1 && b.frames.size() > blend + 1);
-  Transition best{
+  SpliceTransition best{
       .at = 0, .from = 0, .blend = blend, .cost_m = std::numeric_limits<double>::infinity()};
   const size_t last_at = std::min(at.last, a.frames.size() - blend);
   const size_t last_from = std::min(from.last, b.frames.size() - blend);
@@ -134,7 +134,7 @@ Transition best_transition(const Clip& a, ClipRange at, const Clip& b, ClipRange
   return best;
 }
 
-size_t splice(Clip& a, Clip b, const Transition& transition) {
+size_t splice(Clip& a, Clip b, const SpliceTransition& transition) {
   const auto [at, from, blend, cost_m] = transition;
   V3D_CHECK(at + blend < a.frames.size() && from + blend <= b.frames.size());
   const Isometry3d motion = placed(a, at + 1, b, from, blend);

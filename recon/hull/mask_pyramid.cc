@@ -67,7 +67,7 @@ void halve_all(const StripPair& fine, int begin, int end, uint32_t* coarse) {
   }
 }
 
-Coverage coverage(const MaskPyramid& mask, int x0, int y0, int x1, int y1) {
+MaskCoverage coverage(const MaskPyramid& mask, int x0, int y0, int x1, int y1) {
   return coverage_of(mask, x0, y0, x1, y1);
 }
 
@@ -189,7 +189,7 @@ void MaskPyramid::halve(int level) {
   }
 }
 
-Coverage MaskPyramid::coverage(int x0, int y0, int x1, int y1) const {
+MaskCoverage MaskPyramid::coverage(int x0, int y0, int x1, int y1) const {
   V3D_DEBUG_CHECK(0 <= x0 && x0 <= x1 && x1 < size().width && 0 <= y0 && y0 <= y1 &&
                   y1 < size().height);
   return HWY_DYNAMIC_DISPATCH(coverage)(*this, x0, y0, x1, y1);

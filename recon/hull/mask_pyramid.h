@@ -10,7 +10,7 @@
 
 namespace v3d::recon {
 
-enum class Coverage {
+enum class MaskCoverage {
   kNone,  ///< all background
   kSome,  ///< mixed, or not known
   kAll,   ///< all foreground
@@ -41,7 +41,7 @@ class MaskPyramid {
   /// Content of the pixels x0..x1, y0..y1, inclusive and inside the image. kNone and kAll are
   /// always exact. Rectangles of up to 32 x 32 pixels are exact; a larger one may give kSome when
   /// the truth differs within one cell (a 16th of the rectangle) outside its border.
-  Coverage coverage(int x0, int y0, int x1, int y1) const;
+  MaskCoverage coverage(int x0, int y0, int x1, int y1) const;
 
   /// The finest level on which the rectangle has at most 32 cells along each side.
   static int level_for(int x0, int y0, int x1, int y1) {

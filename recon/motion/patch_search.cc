@@ -7,7 +7,7 @@
 namespace v3d::recon {
 namespace {
 
-constexpr int kRounds = 6;
+constexpr int kIterations = 6;
 /// Costs in units of correlation: of one step of difference, and at most.
 constexpr float kStepCost = 0.06F, kMaxCost = 0.5F;
 
@@ -52,7 +52,7 @@ class Propagation {
   }
 
   void run() {
-    for (int round = 0; round < kRounds; ++round) {
+    for (int iteration = 0; iteration < kIterations; ++iteration) {
       for_each_block<64>(2 * neighbours_.size(), [&](size_t begin, size_t end) {
         std::vector<float> cost(shifts_);
         for (size_t k = begin; k < end; ++k) send(k, cost);

@@ -26,9 +26,9 @@ constexpr int kNarrower = 2;
 /// exceed the expected silhouette by this part.
 constexpr double kMostlyWrong = 0.5;
 /// Largest number of single repairs, one camera each.
-constexpr int kRounds = 8;
+constexpr int kIterations = 8;
 /// Largest number of repairs of joint missing foreground.
-constexpr int kJointRounds = 3;
+constexpr int kJointIterations = 3;
 /// Limit of voxels along the longest edge of the bounds.
 constexpr double kMaxVoxels = 220;
 
@@ -124,7 +124,8 @@ class SilhouetteRepair::Trial {
   RepairedSilhouettes run() {
     drop_blind_cameras();
     fill_missing_pieces();
-    for (int round = 0; round < kJointRounds && fill_jointly_missing_pieces(); ++round) {
+    for (int iteration = 0; iteration < kJointIterations && fill_jointly_missing_pieces();
+         ++iteration) {
       fill_missing_pieces();
     }
     std::optional<Trial> alone;
@@ -227,7 +228,8 @@ class SilhouetteRepair::Trial {
   };
 
   void fill_missing_pieces() {
-    for (int round = 0; round < kRounds && fill_most_missing_pieces(); ++round) continue;
+    for (int iteration = 0; iteration < kIterations && fill_most_missing_pieces(); ++iteration)
+      continue;
   }
 
   /// Fills the pieces of the camera with the most missing pixels. A bad silhouette makes other

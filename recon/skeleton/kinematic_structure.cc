@@ -39,7 +39,7 @@ constexpr int64_t kMaxCarried = 40;
 constexpr double kMaxCarriedM = 0.6;
 /// Weights of the poses of neighbours in a smoothed one, by the pulses between.
 constexpr std::array<double, 3> kSmoothing{1, 0.5, 0.15};
-constexpr int kRounds = 2;  ///< of learning the outline
+constexpr int kOutlineIterations = 2;  ///< of learning the outline
 constexpr double kConfidentM = 0.05;
 
 Vector3d horizontal(const Vector3d& v) {
@@ -116,7 +116,7 @@ class TakeFit {
   KinematicStructure run() {
     for (const Stretch& stretch : stretches_of(seen_)) begin(stretch);
     const size_t start = choose_start({0, seen_.size()});
-    for (int round = 0; round < kRounds; ++round) {
+    for (int iteration = 0; iteration < kOutlineIterations; ++iteration) {
       learn_outline();
       refit();
     }

@@ -16,7 +16,7 @@ namespace {
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
 
-constexpr int kRounds = 6, kRelabelPasses = 4;
+constexpr int kIterations = 6, kRelabelPasses = 4;
 constexpr double kRobustM = 0.03;       ///< residual at which a vertex has half its weight
 constexpr double kCapM = 0.06;          ///< residuals beyond count as this
 constexpr double kPriorM = 0.02;        ///< cost of a part that no pulse suggests
@@ -77,7 +77,7 @@ class PartFinder {
 
   RigidParts find() {
     vote();
-    for (int round = 0; round < kRounds; ++round) {
+    for (int iteration = 0; iteration < kIterations; ++iteration) {
       fit_motions();
       relabel();
     }

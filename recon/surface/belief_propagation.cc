@@ -113,7 +113,7 @@ HWY_INLINE Labels reach(uint8_t price, const Labels& costs) {
 /// Outgoing message along an edge: for each label of the receiver the smallest cost of the sender,
 /// minus the minimum. The mean with the previous message damps oscillations in loops. Halves are
 /// rounded up and down alternately, because otherwise they would never vanish.
-HWY_INLINE void send(const Costs& belief, const Message& incoming, uint8_t slope, int round,
+HWY_INLINE void send(const Costs& belief, const Message& incoming, uint8_t slope, int iteration,
                      const Message& before, Message& sent) {
   const Bytes bytes;
   static_assert(BeliefPropagation::kMaxStep == 8, "1 + 2 + 4 labels can be crossed");
@@ -122,7 +122,7 @@ HWY_INLINE void send(const Costs& belief, const Message& incoming, uint8_t slope
   now = reach<2>(static_cast<uint8_t>(2 * slope), now);
   now = reach<4>(static_cast<uint8_t>(4 * slope), now);
   const auto max_cost = hn::Set(bytes, static_cast<uint8_t>(BeliefPropagation::kMaxStep * slope));
-  const auto turned = hn::Set(bytes, round % 2 == 0 ? 0 : UINT8_MAX);
+  const auto turned = hn::Set(bytes, iteration % 2 == 0 ? 0 : UINT8_MAX);
   const Labels was = load(before);
   for (int r = 0; r < kRegisters; ++r) {
     // AverageRound() rounds up; on complemented values that rounds down.
@@ -134,12 +134,12 @@ HWY_INLINE void send(const Costs& belief, const Message& incoming, uint8_t slope
 
 /// Sends the messages of nodes begin to end - 1.
 void send_all(std::span<const Costs> costs, const uint32_t* first, const uint32_t* reverse,
-              const Message* messages, uint8_t slope, int round, size_t begin, size_t end,
+              const Message* messages, uint8_t slope, int iteration, size_t begin, size_t end,
               Message* next) {
   for (size_t node = begin; node < end; ++node) {
     const Costs sum = belief(costs[node], messages + first[node], first[node + 1] - first[node]);
     for (size_t slot = first[node]; slot < first[node + 1]; ++slot) {
-      send(sum, messages[slot], slope, round, messages[reverse[slot]], next[reverse[slot]]);
+      send(sum, messages[slot], slope, iteration, messages[reverse[slot]], next[reverse[slot]]);
     }
   }
 }
@@ -165,11 +165,11 @@ std::span<const uint8_t> BeliefPropagation::solve(std::span<const Costs> costs,
                                                   const BeliefPropagationOptions& options) {
   V3D_CHECK(kMaxStep * options.slope <= UINT8_MAX);
   connect(costs.size(), edges);
-  for (int round = 0; round < options.rounds; ++round) {
+  for (int iteration = 0; iteration < options.iterations; ++iteration) {
     for_each_block<512>(costs.size(), [&](size_t begin, size_t end) {
       HWY_DYNAMIC_DISPATCH(send_all)
-      (costs, first_.data(), reverse_.data(), messages_.data(), options.slope, round, begin, end,
-       next_.data());
+      (costs, first_.data(), reverse_.data(), messages_.data(), options.slope, iteration, begin,
+       end, next_.data());
     });
     messages_.swap(next_);
   }

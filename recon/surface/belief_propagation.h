@@ -11,8 +11,8 @@
 namespace v3d::recon {
 
 struct BeliefPropagationOptions {
-  uint8_t slope = 31;  ///< cost of one label of difference between neighbours; at most 31
-  int rounds = 10;     ///< iterations; information travels one edge in each
+  uint8_t slope = 31;   ///< cost of one label of difference between neighbours; at most 31
+  int iterations = 10;  ///< information travels one edge in each
 };
 
 /// Min-sum belief propagation with truncated linear edge costs: labels that differ by kMaxStep or

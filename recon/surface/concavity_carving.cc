@@ -44,7 +44,7 @@ constexpr size_t kEveryContrast = 8;  ///< every n-th search is used for the con
 static_assert(VertexVisibility::kCapacity % kEveryContrast == 0, "blocks contain whole groups");
 constexpr float kUnit = 124;  ///< cost of a correlation that is lower by 1
 constexpr uint8_t kSlope = 31;
-constexpr int kRounds = 4;
+constexpr int kIterations = 4;
 
 /// Smallest correlation with another camera for a camera to count as seeing the sample.
 constexpr float kAgreeing = 0.4F;
@@ -288,7 +288,7 @@ class ConcavityCarver::Impl {
     compute_costs();
     connect();
     const std::span<const uint8_t> labels =
-        labels_.solve(costs_, edges_, {.slope = kSlope, .rounds = kRounds});
+        labels_.solve(costs_, edges_, {.slope = kSlope, .iterations = kIterations});
     for (size_t i = 0; i < labels.size(); ++i) {
       if (searches_[i].agreeing[labels[i]] != 0)
         found.push_back(sample_of(searches_[i], labels[i]));

@@ -22,8 +22,8 @@ namespace {
 
 using Eigen::Vector3f;
 
-/// Resolution and range of one round over the surface. Lengths in voxels.
-struct Round {
+/// Resolution and range of one pass over the surface. Lengths in voxels.
+struct DeformPass {
   int level;      ///< of the images
   float spacing;  ///< between samples of the template window
   float step;     ///< between depths
@@ -32,12 +32,12 @@ struct Round {
   bool outlines;  ///< uses the silhouette force too
 };
 
-/// A hull is too large, especially in concavities. The first round searches 6.6 voxels inwards and
-/// 2.4 outwards; the others correct its result. The hull fills its silhouettes, so the first round
+/// A hull is too large, especially in concavities. The first pass searches 6.6 voxels inwards and
+/// 2.4 outwards; the others correct its result. The hull fills its silhouettes, so the first pass
 /// does not need them.
-constexpr Round kSearchRounds[] = {
+constexpr DeformPass kSearchPasses[] = {
     {1, 2.0F, 0.6F, -11, 3, false}, {0, 1.2F, 0.3F, -8, 2, true}, {0, 1.0F, 0.2F, -8, 1, true}};
-constexpr Round kPaperRound{0, 1.0F, 0.25F, -8, 1, true};
+constexpr DeformPass kPaperPass{0, 1.0F, 0.25F, -8, 1, true};
 
 // Factors of the weights of equation (1) in search mode, chosen by measurement so that the weights
 // of the paper give the best result.
@@ -45,15 +45,15 @@ constexpr double kSmoothnessOfInternal = 1.0;
 constexpr double kWeightOfPhotometric = 2.5;
 constexpr double kPullOfSilhouette = 0.05;
 
-/// Smoothing passes before and between the rounds, because marching cubes have few normal
+/// Smoothing steps before and between the passes, because marching cubes have few normal
 /// directions.
 constexpr int kSmoothingBefore = 2;
-constexpr int kSmoothingAfterRound = 1;
+constexpr int kSmoothingAfterPass = 1;
 constexpr int kNormalSmoothing = 2;
 
 // Parameters of the paper's mode.
-constexpr int kPaperRounds = 12;  ///< at most; each renews visibility and correlation
-constexpr int kStepsPerRound = 4;
+constexpr int kPaperPasses = 12;  ///< at most; each renews visibility and correlation
+constexpr int kStepsPerPass = 4;
 constexpr float kSmallMotion = 0.02F;  ///< voxels: end when no vertex moves farther
 
 /// Depth tolerance of the visibility test, voxels, without the slant.
@@ -104,31 +104,31 @@ class Deformer::Impl {
     const bool smooth = options_.internal > 0;
     rows_ = NeighbourRows(neighbours_);
     smooth_surface(neighbours_, smooth ? kSmoothingBefore : 0, mesh.vertices, work_);
-    for (const Round& round : kSearchRounds) {
-      observe(round, mesh);
+    for (const DeformPass& pass : kSearchPasses) {
+      observe(pass, mesh);
       const std::span<const float> way =
           field_.solve(rows_, profiles_, known_, pulls_,
-                       {.first = round.first,
-                        .step_m = round.step * voxel_,
+                       {.first = pass.first,
+                        .step_m = pass.step * voxel_,
                         .smoothness = weight(kSmoothnessOfInternal, options_.internal),
                         .photometric = weight(kWeightOfPhotometric, options_.photometric)});
       for_each_vertex(way.size(), [&](size_t v) { mesh.vertices[v] += way[v] * normals_[v]; });
-      smooth_surface(neighbours_, smooth ? kSmoothingAfterRound : 0, mesh.vertices, work_);
+      smooth_surface(neighbours_, smooth ? kSmoothingAfterPass : 0, mesh.vertices, work_);
     }
   }
 
   void run_paper_mode(Mesh& mesh) {
-    for (int i = 0; i < kPaperRounds; ++i) {
-      observe(kPaperRound, mesh);
+    for (int i = 0; i < kPaperPasses; ++i) {
+      observe(kPaperPass, mesh);
       moved_.assign(mesh.vertices.size(), 0.0F);
       float largest = 0;
-      for (int step = 0; step < kStepsPerRound; ++step) largest = move_by_forces(mesh);
+      for (int step = 0; step < kStepsPerPass; ++step) largest = move_by_forces(mesh);
       if (largest < kSmallMotion * voxel_) return;
     }
   }
 
   /// Step 1 of the algorithm, and the correlations and silhouette displacements for steps 2 and 3.
-  void observe(const Round& round, const Mesh& mesh) {
+  void observe(const DeformPass& pass, const Mesh& mesh) {
     const size_t count = mesh.vertices.size();
     tbb::parallel_invoke(
         [&] {
@@ -136,39 +136,40 @@ class Deformer::Impl {
           smooth_normals(neighbours_, kNormalSmoothing, normals_, work_);
         },
         [&] { draw_depths(mesh, models_, depths_, Faces::kFront); });
-    if (round.outlines && options_.silhouette > 0) find_outlines();
+    if (pass.outlines && options_.silhouette > 0) find_outlines();
     profiles_.resize(count);
     known_.assign(count, 0);
     pulls_.assign(count, {});
     constexpr size_t kBlock = VertexVisibility::kCapacity;
     tbb::enumerable_thread_specific<BlockVisibility> of_threads;
     tbb::parallel_for(size_t{0}, (count + kBlock - 1) / kBlock, [&](size_t block) {
-      observe_block(round, mesh, block * kBlock, of_threads.local());
+      observe_block(pass, mesh, block * kBlock, of_threads.local());
     });
   }
 
-  void observe_block(const Round& round, const Mesh& mesh, size_t first, BlockVisibility& block) {
+  void observe_block(const DeformPass& pass, const Mesh& mesh, size_t first,
+                     BlockVisibility& block) {
     const size_t count = std::min(VertexVisibility::kCapacity, mesh.vertices.size() - first);
     const auto positions = std::span(mesh.vertices).subspan(first, count);
     const auto normals = std::span<const Vector3f>(normals_).subspan(first, count);
     block.compute(positions, normals, cameras_, depths_, {.tolerance_m = kHiddenBehind * voxel_});
-    if (options_.photometric > 0) correlate_block(round, positions, first, block);
-    if (round.outlines && options_.silhouette > 0) pull_block(positions, first, block.by_camera());
+    if (options_.photometric > 0) correlate_block(pass, positions, first, block);
+    if (pass.outlines && options_.silhouette > 0) pull_block(positions, first, block.by_camera());
   }
 
-  void correlate_block(const Round& round, std::span<const Vector3f> positions, size_t first,
+  void correlate_block(const DeformPass& pass, std::span<const Vector3f> positions, size_t first,
                        BlockVisibility& block) {
     const CorrelationOptions correlation{.side = options_.window,
-                                         .first = round.first,
+                                         .first = pass.first,
                                          .noise = kNoiseVariance,
                                          .robust = options_.mode != DeformMode::kPaper};
     block.windows.find(positions, std::span<const Vector3f>(normals_).subspan(first), cameras_,
                        block.by_camera(),
-                       {.level = round.level,
+                       {.level = pass.level,
                         .max_views = options_.views,
-                        .every = round.every,
-                        .spacing_m = round.spacing * voxel_,
-                        .step_m = round.step * voxel_},
+                        .every = pass.every,
+                        .spacing_m = pass.spacing * voxel_,
+                        .step_m = pass.step * voxel_},
                        correlation);
     for (size_t i = 0; i < positions.size(); ++i) {
       const WindowViews& views = block.windows.views(i);
@@ -225,10 +226,10 @@ class Deformer::Impl {
   /// paper does not say in which units it is added to lengths.
   float photometric_force(size_t v) const {
     if (!known_[v]) return 0;
-    const float at = moved_[v] / (kPaperRound.step * voxel_) - kPaperRound.first;
+    const float at = moved_[v] / (kPaperPass.step * voxel_) - kPaperPass.first;
     const int k = std::clamp(static_cast<int>(at + 0.5F), 1, kDepthSteps - 2);
     const float per_step = 0.5F * (profiles_[v][k + 1] - profiles_[v][k - 1]);
-    return voxel_ * per_step / kPaperRound.step;
+    return voxel_ * per_step / kPaperPass.step;
   }
 
   /// Equation (6): the mean over cameras of the remaining displacements.

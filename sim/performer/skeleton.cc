@@ -197,9 +197,9 @@ std::string main_joint_of(std::string_view node) {
   return {};
 }
 
-std::vector<Joint> joints_of(const Performer& performer) {
+std::vector<JointDefinition> joints_of(const Performer& performer) {
   if (performer.model) return performer.model->joints();
-  std::vector<Joint> joints;
+  std::vector<JointDefinition> joints;
   for (const BuiltInJoint& joint : kSwordsman) {
     const bool is_main = std::ranges::find(kMainJoints, joint.name) != kMainJoints.end();
     joints.push_back({joint.name, joint.parent, is_main ? joint.name : ""});

@@ -74,7 +74,7 @@ class AnimatedSkeleton {
 
 struct Performer;
 
-struct Joint {
+struct JointDefinition {
   std::string name;
   int parent = -1;   ///< index of another joint; -1: none
   std::string main;  ///< its name in kMainJoints; empty where it has none
@@ -92,7 +92,7 @@ std::string main_joint_of(std::string_view node);
 
 /// The joints of a performer: those of Pose, the guard and the tip of the sword, all in metres; or
 /// the nodes of the skin of its model.
-std::vector<Joint> joints_of(const Performer& performer);
+std::vector<JointDefinition> joints_of(const Performer& performer);
 
 /// The positions of joints_of() in its order: world frame, metres.
 std::vector<Eigen::Vector3d> joint_positions(double seconds, const Performer& performer);

@@ -284,10 +284,10 @@ std::vector<Part> SkinnedModel::parts_at(double seconds) const {
   return parts;
 }
 
-std::vector<Joint> SkinnedModel::joints() const {
-  std::vector<Joint> joints;
+std::vector<JointDefinition> SkinnedModel::joints() const {
+  std::vector<JointDefinition> joints;
   for (const size_t node : joint_nodes_) {
-    Joint& joint = joints.emplace_back();
+    JointDefinition& joint = joints.emplace_back();
     joint.name = skeleton_.nodes()[node].name;
     // The nearest joint above it.
     for (int up = skeleton_.nodes()[node].parent; up >= 0 && joint.parent < 0;
@@ -297,9 +297,9 @@ std::vector<Joint> SkinnedModel::joints() const {
         joint.parent = static_cast<int>(found - joint_nodes_.begin());
     }
   }
-  for (Joint& joint : joints) {
+  for (JointDefinition& joint : joints) {
     const std::string main = main_joint_of(joint.name);
-    if (std::ranges::find(joints, main, &Joint::main) == joints.end()) joint.main = main;
+    if (std::ranges::find(joints, main, &JointDefinition::main) == joints.end()) joint.main = main;
   }
   return joints;
 }

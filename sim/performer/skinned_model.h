@@ -83,7 +83,7 @@ class SkinnedModel {
   std::vector<Part> parts_at(double seconds) const;
 
   /// The nodes of the joints, each once.
-  std::vector<Joint> joints() const;
+  std::vector<JointDefinition> joints() const;
   /// World frame, metres; in the order of joints().
   std::vector<Eigen::Vector3d> joint_positions(double seconds) const;
 

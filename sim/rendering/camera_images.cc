@@ -109,10 +109,10 @@ uint16_t to_sample(float value) {
 }
 
 std::array<Vector2d, 3> shadow_casters(double seconds, const Performer& performer) {
-  const std::vector<Joint> joints = joints_of(performer);
+  const std::vector<JointDefinition> joints = joints_of(performer);
   const std::vector<Eigen::Vector3d> positions = joint_positions(seconds, performer);
   const auto place_of = [&](std::string_view main) -> Vector2d {
-    const auto found = std::ranges::find(joints, main, &Joint::main);
+    const auto found = std::ranges::find(joints, main, &JointDefinition::main);
     const auto index = found == joints.end() ? 0 : found - joints.begin();
     return positions[static_cast<size_t>(index)].head<2>();
   };
@@ -182,7 +182,7 @@ void CameraRenderer::draw_shadow(const std::array<Vector2d, 3>& feet) {
   for (int y = area.y0; y < area.y0 + area.height; ++y) {
     for (int x = area.x0; x < area.x0 + area.width; ++x) {
       const uint32_t hit = depth_.triangle(x, y);
-      if (hit == DepthBuffer::kNothing) {
+      if (hit == VisibilityBuffer::kNothing) {
         continue;
       }
       const Triangle& t = triangles[hit];
@@ -206,7 +206,7 @@ void CameraRenderer::draw_body(const PerformersExposure& shot) {
   for (int y = area.y0; y < area.y0 + area.height; ++y) {
     for (int x = area.x0; x < area.x0 + area.width; ++x) {
       const uint32_t hit = depth_.triangle(x, y);
-      if (hit != DepthBuffer::kNothing) {
+      if (hit != VisibilityBuffer::kNothing) {
         put(x, y, shade(shot.body, screen, hit, x, y, shot.seed));
       }
     }
@@ -228,7 +228,7 @@ void CameraRenderer::draw_blade(const PerformersExposure& shot) {
     for (int y = area.y0; y < area.y0 + area.height; ++y) {
       for (int x = area.x0; x < area.x0 + area.width; ++x) {
         const uint32_t hit = blade_depth_.triangle(x, y);
-        if (hit == DepthBuffer::kNothing ||
+        if (hit == VisibilityBuffer::kNothing ||
             (body.contains(x, y) &&
              depth_.inverse_depth(x, y) > blade_depth_.inverse_depth(x, y))) {
           continue;
@@ -292,14 +292,14 @@ Mask true_silhouette(const RigCamera& camera, double seconds, uint64_t seed, int
   }
   const ImageSize size = camera.model.size();
   const auto screen = to_screen(camera.model, list.vertices);
-  DepthBuffer depth;
+  VisibilityBuffer depth;
   depth.clear(screen_bounds(screen, size));
   depth.draw(screen, list.triangles);
   Mask mask(size);
   const Rect area = depth.area();
   for (int y = area.y0; y < area.y0 + area.height; ++y) {
     for (int x = area.x0; x < area.x0 + area.width; ++x) {
-      if (depth.triangle(x, y) != DepthBuffer::kNothing) {
+      if (depth.triangle(x, y) != VisibilityBuffer::kNothing) {
         mask.set(x, y);
       }
     }
@@ -329,7 +329,7 @@ std::vector<Image> BatchRenderer::render_all(std::optional<double> seconds,
 
 std::vector<uint8_t> points_seen(const CameraModel& camera, const DrawList& list,
                                  std::span<const Eigen::Vector3f> points, double tolerance_m) {
-  DepthBuffer depth;
+  VisibilityBuffer depth;
   const std::vector<ScreenPoint> vertices = to_screen(camera, list.vertices);
   depth.clear(screen_bounds(vertices, camera.size()));
   depth.draw(vertices, list.triangles);

@@ -44,7 +44,7 @@ std::vector<ScreenPoint> to_screen(const CameraModel& camera,
 /// The bounding rectangle of all seen points, clipped to the image.
 Rect screen_bounds(std::span<const ScreenPoint> points, ImageSize size);
 
-class DepthBuffer {
+class VisibilityBuffer {
  public:
   static constexpr uint32_t kNothing = 0xFFFFFFFF;
 
@@ -138,8 +138,8 @@ class CameraRenderer {
   std::vector<uint16_t> plate_;    ///< samples of the empty studio, grey value times 256
   std::vector<uint16_t> samples_;  ///< of the image being rendered, before noise
   std::vector<int16_t> noise_;     ///< quantiles of the normal distribution, grey value times 256
-  DepthBuffer depth_;
-  DepthBuffer blade_depth_;
+  VisibilityBuffer depth_;
+  VisibilityBuffer blade_depth_;
 };
 
 // Batch rendering: the images of all cameras of a rig, in parallel on all cores.

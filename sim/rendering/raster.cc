@@ -41,15 +41,15 @@ Rect screen_bounds(std::span<const ScreenPoint> points, ImageSize size) {
   return r.empty() ? Rect{} : r;
 }
 
-void DepthBuffer::clear(Rect area) {
+void VisibilityBuffer::clear(Rect area) {
   area_ = area;
   const size_t pixels = static_cast<size_t>(area.width) * static_cast<size_t>(area.height);
   inverse_depth_.assign(pixels, 0.0F);
   triangle_.assign(pixels, kNothing);
 }
 
-void DepthBuffer::draw(std::span<const ScreenPoint> points, std::span<const Triangle> triangles,
-                       uint32_t first) {
+void VisibilityBuffer::draw(std::span<const ScreenPoint> points,
+                            std::span<const Triangle> triangles, uint32_t first) {
   const int last_x = area_.x0 + area_.width - 1;
   const int last_y = area_.y0 + area_.height - 1;
   for (size_t t = 0; t < triangles.size(); ++t) {

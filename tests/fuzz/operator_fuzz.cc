@@ -35,7 +35,7 @@ void read_replies(const std::string& text, const std::string& detail) {
 }
 
 void read_health(FuzzInput& input) {
-  v3d::ctl::StudioState state;
+  v3d::ctl::StudioSnapshot state;
   state.studio = "dojo";
   state.nodes = kNodes;
   state.cameras["cap01"] = {"cam01", "cam02"};

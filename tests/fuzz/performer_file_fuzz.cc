@@ -21,7 +21,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
       if (!joint.allFinite()) std::abort();
     }
     model->parts_at(-3.1);
-    for (const v3d::sim::Joint& joint : model->joints()) {
+    for (const v3d::sim::JointDefinition& joint : model->joints()) {
       if (joint.parent >= static_cast<int>(model->joints().size())) std::abort();
     }
   } catch (const v3d::InputError&) {

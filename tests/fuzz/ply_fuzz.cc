@@ -4,7 +4,7 @@
 #include <string_view>
 
 #include "base/core/error.h"
-#include "common/mesh_file.h"
+#include "common/mesh_formats.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   try {

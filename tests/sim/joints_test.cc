@@ -9,15 +9,15 @@ namespace v3d::sim {
 namespace {
 
 TEST(Joints, of_the_swordsman_contain_every_main_joint_once) {
-  const std::vector<Joint> joints = joints_of({});
+  const std::vector<JointDefinition> joints = joints_of({});
   for (const std::string_view main : kMainJoints) {
-    EXPECT_EQ(std::ranges::count(joints, main, &Joint::main), 1) << main;
+    EXPECT_EQ(std::ranges::count(joints, main, &JointDefinition::main), 1) << main;
   }
   EXPECT_EQ(joints.size(), joint_positions(0, {}).size());
 }
 
 TEST(Joints, of_the_swordsman_form_a_tree_with_bones_of_constant_length) {
-  const std::vector<Joint> joints = joints_of({});
+  const std::vector<JointDefinition> joints = joints_of({});
   const auto first = joint_positions(0, {}), later = joint_positions(1.3, {});
   for (size_t j = 1; j < joints.size(); ++j) {
     const auto parent = static_cast<size_t>(joints[j].parent);
@@ -31,10 +31,10 @@ TEST(Joints, of_the_swordsman_form_a_tree_with_bones_of_constant_length) {
 }
 
 TEST(Joints, of_the_swordsman_are_left_where_their_names_say_so) {
-  const std::vector<Joint> joints = joints_of({});
+  const std::vector<JointDefinition> joints = joints_of({});
   const auto positions = joint_positions(0, {});  // looks along x, so that y is left
   const auto y_of = [&](const std::string& name) {
-    const auto found = std::ranges::find(joints, name, &Joint::name);
+    const auto found = std::ranges::find(joints, name, &JointDefinition::name);
     return positions[static_cast<size_t>(found - joints.begin())].y();
   };
   for (const char* name : {"shoulder", "elbow", "hip", "knee", "ankle"}) {

@@ -105,7 +105,7 @@ TEST(PerformerFile, has_the_materials_of_the_joints_that_move_its_parts) {
 }
 
 TEST(PerformerFile, has_the_joints_of_the_skin_with_parents_and_main_names) {
-  const std::vector<Joint> joints = model_of(TinyBody())->joints();
+  const std::vector<JointDefinition> joints = model_of(TinyBody())->joints();
   ASSERT_EQ(joints.size(), 3U);
   EXPECT_EQ(joints[0].name, "rig:Hips");
   EXPECT_EQ(joints[0].parent, -1);

@@ -12,7 +12,7 @@
 #include "base/image/mask_operations.h"
 #include "base/io/file.h"
 #include "capture/segmentation/segmenter.h"
-#include "common/mesh_file.h"
+#include "common/mesh_formats.h"
 #include "sim/performer/motion.h"
 #include "sim/rendering/scene.h"
 #include "sim/small_take.h"

@@ -24,10 +24,10 @@ TEST_F(Walker, is_a_body_of_closed_parts_with_all_main_joints) {
       ASSERT_GT(enclosed_volume(part.mesh), 0) << "at " << t;
     }
   }
-  const std::vector<Joint> joints = model->joints();
+  const std::vector<JointDefinition> joints = model->joints();
   EXPECT_EQ(joints.size(), 65U);
   for (const std::string_view main : kMainJoints) {
-    EXPECT_EQ(std::ranges::count(joints, main, &Joint::main), 1) << main;
+    EXPECT_EQ(std::ranges::count(joints, main, &JointDefinition::main), 1) << main;
   }
 }
 

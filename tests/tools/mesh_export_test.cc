@@ -9,7 +9,7 @@
 
 #include "base/core/error.h"
 #include "base/io/file.h"
-#include "common/mesh_file.h"
+#include "common/mesh_formats.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "tools/glb.h"

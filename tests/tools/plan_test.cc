@@ -37,7 +37,7 @@ PlacementOptions six_cameras() {
   return options;
 }
 
-Placement plan(const ActionSamples& action, const std::vector<CameraModel>& fixed = {}) {
+CameraPlacement plan(const ActionSamples& action, const std::vector<CameraModel>& fixed = {}) {
   return place_cameras(kSpace, action, fixed, six_cameras(), [] {});
 }
 
@@ -105,12 +105,12 @@ TEST(PlanVisibility, ends_at_the_largest_angle_of_incidence) {
 }
 
 TEST(PlanCoverage, counts_what_another_performer_hides) {
-  LensOptions lens;
+  CandidateLenses lens;
   lens.focal_mm = {4};
   std::vector<CameraModel> rig;
   for (const double y : {-0.05, 0.05}) rig.push_back(ideal_camera(lens, 4, {4, y, 1}, {0, 0, 1}));
   ActionSamples action = two_walls();
-  const Coverage coverage = measure_coverage(rig, action);
+  const SurfaceCoverage coverage = measure_coverage(rig, action);
   EXPECT_NEAR(coverage.share[0], 1.0 / 3, 1e-9);
   EXPECT_NEAR(coverage.two_or_more(), 2.0 / 3, 1e-9);
   EXPECT_NEAR(coverage.views_lost, 2.0 / 6, 1e-9);
@@ -152,7 +152,7 @@ TEST(ActionSamples, stand_on_the_floor_within_the_space_and_repeat_for_a_seed) {
 
 TEST(ActionSamples, of_a_duel_have_points_of_both_performers) {
   const ActionSamples action = small_action(1, Cast::kDuel);
-  const auto second = std::ranges::count(action.samples, 1U, &SurfaceSample::performer);
+  const auto second = std::ranges::count(action.samples, 1U, &ActionSample::performer);
   const double share = static_cast<double>(second) / static_cast<double>(action.samples.size());
   EXPECT_NEAR(share, 0.5, 0.1);
 }
@@ -172,7 +172,7 @@ TEST(CameraCandidates, are_on_their_mount_outside_of_the_space) {
 }
 
 TEST(CameraCandidates, have_the_field_of_view_of_their_lens_and_sensor) {
-  LensOptions lens;
+  CandidateLenses lens;
   const CameraModel camera = ideal_camera(lens, 6, {3, 0, 1}, {0, 0, 1});
   const double left = std::acos(camera.viewing_direction().dot(*camera.ray({-0.5, 383.5})));
   EXPECT_NEAR(left, std::atan(0.5 * lens.sensor_width_mm / 6), 1e-9);
@@ -187,16 +187,16 @@ TEST(CameraPlan, sees_more_surface_than_the_default_rig_at_moments_that_it_was_n
 }
 
 TEST(CameraPlan, is_not_made_worse_by_exchanges) {
-  const Placement placement = plan(small_action(1));
+  const CameraPlacement placement = plan(small_action(1));
   EXPECT_GT(placement.exchanges, 0);
   EXPECT_GT(placement.value, placement.greedy_value);
 }
 
 TEST(CameraPlan, adds_to_the_fixed_cameras_and_keeps_away_from_them) {
   const ActionSamples action = small_action(1);
-  const Placement free = plan(action);
+  const CameraPlacement free = plan(action);
   const std::vector<CameraModel> fixed(free.cameras.begin(), free.cameras.begin() + 2);
-  const Placement placement = plan(action, fixed);
+  const CameraPlacement placement = plan(action, fixed);
   ASSERT_EQ(placement.cameras.size(), 4U);
   for (const CameraModel& camera : placement.cameras) {
     for (const CameraModel& other : fixed) {

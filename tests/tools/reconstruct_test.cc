@@ -16,7 +16,7 @@
 #include "base/image/image_files.h"
 #include "base/io/file.h"
 #include "codec/byte_stream.h"
-#include "common/mesh_file.h"
+#include "common/mesh_formats.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"

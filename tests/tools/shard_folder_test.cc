@@ -18,7 +18,7 @@ namespace {
 using testing::ElementsAre;
 
 TEST(Shards, end_before_the_next_key_frame_and_are_numbered_from_pulse_0) {
-  const std::vector<Shard> shards = shards_of({3, 24, 25, 49, 50, 120});
+  const std::vector<TakeShard> shards = shards_of({3, 24, 25, 49, 50, 120});
   ASSERT_EQ(shards.size(), 4U);
   EXPECT_THAT(shards[0].pulses, ElementsAre(3, 24));
   EXPECT_THAT(shards[1].pulses, ElementsAre(25, 49));
@@ -64,7 +64,7 @@ class FinishedShard : public testing::Test {
 
   test::TemporaryFolder temporary_;
   const ShardFolder folder_{temporary_ / "."};
-  const Shard shard_{1, {25, 26}};
+  const TakeShard shard_{1, {25, 26}};
   ReconstructReport empty_, made_;
 };
 

@@ -9,7 +9,7 @@
 #include "base/image/image_files.h"
 #include "base/io/file.h"
 #include "codec/motion_codec.h"
-#include "common/mesh_file.h"
+#include "common/mesh_formats.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "recon/render/renderer.h"
 #include "recon/shapes.h"

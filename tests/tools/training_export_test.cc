@@ -10,7 +10,7 @@
 #include "base/image/image_files.h"
 #include "base/io/file.h"
 #include "calib/formats/rig_text.h"
-#include "common/mesh_file.h"
+#include "common/mesh_formats.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "recon/render/renderer.h"
 #include "recon/texture/undistortion.h"

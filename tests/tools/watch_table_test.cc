@@ -46,8 +46,8 @@ wire::HealthMessage capture_health() {
 }
 
 /// A studio without faults.
-StudioState studio() {
-  StudioState state;
+StudioSnapshot studio() {
+  StudioSnapshot state;
   state.studio = "dome";
   state.nodes = {"cap01"};
   state.cameras = {{"cap01", {"cam01", "cam02"}}};
@@ -55,7 +55,7 @@ StudioState studio() {
   return state;
 }
 
-std::vector<std::string> texts(const StudioState& state, bool colours, size_t width = kWide,
+std::vector<std::string> texts(const StudioSnapshot& state, bool colours, size_t width = kWide,
                                size_t height = kHigh) {
   std::vector<std::string> lines;
   for (const WatchLine& line : watch_lines(state, width, height))
@@ -74,7 +74,7 @@ TEST(WatchTable, shows_every_node_with_its_cameras_below) {
 }
 
 TEST(WatchTable, highlights_a_node_that_does_not_record_the_running_take) {
-  StudioState state = studio();
+  StudioSnapshot state = studio();
   state.nodes.push_back("cap02");
   state.health["cap02"] = capture_health();
   EXPECT_THAT(texts(state, true)[6], Not(HasSubstr("\033")));
@@ -85,7 +85,7 @@ TEST(WatchTable, highlights_a_node_that_does_not_record_the_running_take) {
 }
 
 TEST(WatchTable, shows_the_levels_of_the_sound_of_a_node) {
-  StudioState state = studio();
+  StudioSnapshot state = studio();
   auto& values = state.health["cap01"].values;
   values["sound_open_flag"] = 1;
   values["sound_peak_1_db"] = -20.2;
@@ -102,7 +102,7 @@ TEST(WatchTable, shows_the_levels_of_the_sound_of_a_node) {
 }
 
 TEST(WatchTable, shows_the_state_of_the_timecode_output) {
-  StudioState state = studio();
+  StudioSnapshot state = studio();
   EXPECT_THAT(texts(state, false), Not(Contains(HasSubstr("timecode output"))));
   auto& values = state.health["cap01"].values;
   values["timecode_output_open_flag"] = 1;
@@ -115,7 +115,7 @@ TEST(WatchTable, shows_the_state_of_the_timecode_output) {
 }
 
 TEST(WatchTable, shows_the_scene_of_the_lamps) {
-  StudioState state = studio();
+  StudioSnapshot state = studio();
   EXPECT_THAT(texts(state, false), Not(Contains(HasSubstr("lights"))));
   auto& values = state.health["cap01"].values;
   values["lights_connected_flag"] = 1;
@@ -128,7 +128,7 @@ TEST(WatchTable, shows_the_scene_of_the_lamps) {
 }
 
 TEST(WatchTable, shows_the_temperature_of_a_camera_below_that_of_its_node) {
-  StudioState state = studio();
+  StudioSnapshot state = studio();
   state.health["cap01"].values["cam02.temperature_celsius"] = 62;
   const auto lines = texts(state, false);
   EXPECT_THAT(lines[4], Not(HasSubstr(" C")));
@@ -140,8 +140,8 @@ TEST(WatchTable, has_no_colour_without_a_fault) {
 }
 
 TEST(WatchTable, colours_faults_and_nothing_else) {
-  const auto alarms = [](const std::function<void(StudioState&)>& change) {
-    StudioState state = studio();
+  const auto alarms = [](const std::function<void(StudioSnapshot&)>& change) {
+    StudioSnapshot state = studio();
     change(state);
     size_t parts = 0;
     for (const WatchLine& line : watch_lines(state, kWide, kHigh)) {
@@ -150,7 +150,7 @@ TEST(WatchTable, colours_faults_and_nothing_else) {
     return parts;
   };
   const auto set = [](const char* name, double value) {
-    return [=](StudioState& state) { state.health["cap01"].values[name] = value; };
+    return [=](StudioSnapshot& state) { state.health["cap01"].values[name] = value; };
   };
   EXPECT_EQ(alarms(set("cam02.frames_missing", 1)), 1U);
   EXPECT_EQ(alarms(set("cam02.frames_suspect", 1)), 1U);
@@ -161,15 +161,15 @@ TEST(WatchTable, colours_faults_and_nothing_else) {
   EXPECT_EQ(alarms(set("temperature_max_celsius", 95)), 1U);
   EXPECT_EQ(alarms(set("cam02.temperature_celsius", 74)), 0U);
   EXPECT_EQ(alarms(set("cam02.temperature_celsius", 76)), 1U);
-  EXPECT_EQ(alarms([](StudioState& state) { state.health.clear(); }), 1U) << "a silent node";
+  EXPECT_EQ(alarms([](StudioSnapshot& state) { state.health.clear(); }), 1U) << "a silent node";
   EXPECT_EQ(
-      alarms([](StudioState& state) { state.health["cap01"].state = wire::NodeState::kFault; }),
+      alarms([](StudioSnapshot& state) { state.health["cap01"].state = wire::NodeState::kFault; }),
       1U);
   EXPECT_EQ(alarms(set("cam02.frames_dropped", 0)), 0U);
 }
 
 TEST(WatchTable, has_the_same_text_without_colours) {
-  StudioState state = studio();
+  StudioSnapshot state = studio();
   state.health.clear();
   const auto lines = texts(state, false);
   EXPECT_THAT(lines, Not(Contains(HasSubstr("\033["))));
@@ -187,7 +187,7 @@ wire::EventMessage event(const std::string& subject, const std::string& text) {
 }
 
 TEST(WatchTable, shows_the_last_events_below_the_table) {
-  StudioState state = studio();
+  StudioSnapshot state = studio();
   for (int i = 0; i < 20; ++i) state.events.push_back(event("cam01", "event " + std::to_string(i)));
   const auto lines = texts(state, false, kWide, 12);
   ASSERT_EQ(lines.size(), 12U);
@@ -196,7 +196,7 @@ TEST(WatchTable, shows_the_last_events_below_the_table) {
 }
 
 TEST(WatchTable, drops_cameras_without_a_fault_from_a_small_window) {
-  StudioState state = studio();
+  StudioSnapshot state = studio();
   state.health["cap01"].values["cam02.streaming_flag"] = 0;
   const auto lines = texts(state, false, kWide, 5);
   EXPECT_EQ(lines.size(), 5U);
@@ -205,7 +205,7 @@ TEST(WatchTable, drops_cameras_without_a_fault_from_a_small_window) {
 }
 
 TEST(WatchTable, never_exceeds_its_window) {
-  StudioState state = studio();
+  StudioSnapshot state = studio();
   state.events.push_back(event("cam01", std::string(500, 'x')));
   for (size_t height : {0, 1, 2, 3, 4, 7}) {
     const auto lines = texts(state, false, 40, height);

@@ -65,14 +65,14 @@ class VideoFrames {
   VideoFrames(ctl::VideoFile video, FrameChoice choice)
       : video_(std::move(video)), choice_(choice) {}
 
-  std::optional<SourceImage> next() {
+  std::optional<CalibrationImage> next() {
     for (; !choice_.has(frames_); ++frames_) {
       if (!video_.skip()) return std::nullopt;
     }
     auto image = video_.next();
     if (!image) return std::nullopt;
     const int64_t number = frames_++;
-    return SourceImage{number, frame_name(number), std::move(*image)};
+    return CalibrationImage{number, frame_name(number), std::move(*image)};
   }
   int64_t frames() const { return frames_; }
 
@@ -114,11 +114,11 @@ ImageSource open_images(const std::string& pattern) {
     throw InputError(pattern + ": no image matches (quote the pattern: 'boards/*.png')");
   }
   ImageSource source{pattern, std::ssize(files), {}};
-  source.next = [files, position = size_t{0}]() mutable -> std::optional<SourceImage> {
+  source.next = [files, position = size_t{0}]() mutable -> std::optional<CalibrationImage> {
     if (position == files.size()) return std::nullopt;
     const fs::path& file = files[position];
-    return SourceImage{static_cast<int64_t>(position++), file.filename().string(),
-                       ctl::read_image(file)};
+    return CalibrationImage{static_cast<int64_t>(position++), file.filename().string(),
+                            ctl::read_image(file)};
   };
   return source;
 }
@@ -144,11 +144,11 @@ ImageSource log_source(CameraLog log, FrameChoice choice) {
   std::erase_if(log.pulses, [&](int64_t pulse) { return !choice.has(pulse); });
   ImageSource source{log.path, std::ssize(log.pulses), {}};
   source.next = [log = std::move(log.reader), pulses = std::move(log.pulses),
-                 position = size_t{0}]() mutable -> std::optional<SourceImage> {
+                 position = size_t{0}]() mutable -> std::optional<CalibrationImage> {
     while (position < pulses.size()) {
       const int64_t pulse = pulses[position++];
       if (auto frame = log->read(pulse)) {
-        return SourceImage{pulse, "pulse " + std::to_string(pulse), std::move(frame->image)};
+        return CalibrationImage{pulse, "pulse " + std::to_string(pulse), std::move(frame->image)};
       }
     }
     return std::nullopt;
@@ -195,7 +195,7 @@ bool has_all_cameras(const take::TakePaths& paths, const Studio& studio) {
          });
 }
 
-void record(const Studio& studio, const ctl::PulseTrain& train) {
+void record(const Studio& studio, const ctl::ShortTrain& train) {
   control::OperatorClient client(studio);
   StatusLine status;
   const auto show = [&] {
@@ -223,7 +223,7 @@ fs::path collect(const Studio& studio, const std::string& name) {
 }  // namespace
 
 fs::path record_live_take(const Studio& studio, double seconds) {
-  ctl::PulseTrain train{.take = new_take_name()};
+  ctl::ShortTrain train{.take = new_take_name()};
   train.rate_hz = std::min(kMaxRateHz, studio.trigger.rate_hz);
   train.pulses = std::max<int64_t>(1, std::llround(seconds * train.rate_hz));
   record(studio, train);
@@ -242,8 +242,8 @@ using calib::BoardObservation;
 constexpr size_t kBatch = 8;
 constexpr size_t kMaxDiagnosed = 6;
 
-std::vector<SourceImage> next_batch(ImageSource& source) {
-  std::vector<SourceImage> batch;
+std::vector<CalibrationImage> next_batch(ImageSource& source) {
+  std::vector<CalibrationImage> batch;
   while (batch.size() < kBatch) {
     auto image = source.next();
     if (!image) break;
@@ -252,7 +252,8 @@ std::vector<SourceImage> next_batch(ImageSource& source) {
   return batch;
 }
 
-void require_one_size(const std::string& camera, const SourceImage& image, FoundBoards& found) {
+void require_one_size(const std::string& camera, const CalibrationImage& image,
+                      FoundBoards& found) {
   if (found.images == 0) found.size = image.pixels.size;
   if (image.pixels.size == found.size) return;
   throw InputError(camera + ": " + image.name + " is " + format_size(image.pixels.size) +
@@ -262,7 +263,7 @@ void require_one_size(const std::string& camera, const SourceImage& image, Found
 /// A few evenly spaced images without the board, for the diagnosis.
 class ImagesWithoutBoard {
  public:
-  void add(SourceImage image) {
+  void add(CalibrationImage image) {
     if (seen_++ % stride_ != 0) return;
     kept_.push_back(std::move(image));
     if (kept_.size() < 2 * kMaxDiagnosed) return;
@@ -272,7 +273,7 @@ class ImagesWithoutBoard {
   }
 
   std::optional<std::string> diagnose(const BoardDetector& detector) const {
-    for (const SourceImage& image : kept_) {
+    for (const CalibrationImage& image : kept_) {
       ctl::stop_if_interrupted();
       if (auto diagnosis = detector.diagnose(image.pixels.view()))
         return image.name + ": " + *diagnosis;
@@ -281,12 +282,12 @@ class ImagesWithoutBoard {
   }
 
  private:
-  std::vector<SourceImage> kept_;
+  std::vector<CalibrationImage> kept_;
   size_t seen_ = 0;
   size_t stride_ = 1;
 };
 
-void add_view(SourceImage& image, BoardObservation observation, FoundBoards& found) {
+void add_view(CalibrationImage& image, BoardObservation observation, FoundBoards& found) {
   int max_count = 0;
   for (const auto& view : found.views) max_count = std::max(max_count, view.observation.count());
   if (observation.count() > max_count) found.example = std::move(image.pixels);
@@ -312,7 +313,7 @@ FoundBoards find_boards(const std::string& camera, ImageSource source,
   ImagesWithoutBoard without_board;
   Progress progress("boards of " + camera, source.announced);
   while (true) {
-    std::vector<SourceImage> batch = next_batch(source);
+    std::vector<CalibrationImage> batch = next_batch(source);
     if (batch.empty()) break;
     std::vector<std::optional<BoardObservation>> observations(batch.size());
     tbb::parallel_for(size_t{0}, batch.size(),

@@ -19,7 +19,7 @@ namespace v3d::calibrate {
 // Sequences of calibration images: image files, a video, or the frames of a take.
 
 /// One image. `number`: of the frame in its video, the pulse in its take, or the file in its list.
-struct SourceImage {
+struct CalibrationImage {
   int64_t number = 0;
   std::string name;  ///< for messages: "left01.jpg", "frame 27"
   Image pixels;
@@ -30,7 +30,7 @@ struct SourceImage {
 struct ImageSource {
   std::string name;       ///< of the file or folder
   int64_t announced = 0;  ///< approximate number of images; 0: unknown
-  std::function<std::optional<SourceImage>()> next;
+  std::function<std::optional<CalibrationImage>()> next;
   /// Of a video: the number of frames up to here, also of those that next() left out. Else empty.
   std::function<int64_t()> frames{};
 };
@@ -77,7 +77,7 @@ struct FoundBoards {
   int64_t images = 0;                  ///< number of searched images
   int64_t frames = 0;                  ///< of a video: all its frames; else 0
   std::vector<calib::LensView> views;  ///< the images with the board
-  std::vector<int64_t> numbers;        ///< SourceImage::number of each view
+  std::vector<int64_t> numbers;        ///< CalibrationImage::number of each view
   std::optional<Image> example;        ///< the image with most corners
   /// Where no image shows the board: what is recognised instead, if anything.
   std::optional<std::string> diagnosis;

@@ -51,7 +51,7 @@ Box extent_of(const sim::DrawList& list) {
 
 struct MomentSamples {
   ActionMoment moment;
-  std::vector<SurfaceSample> samples;
+  std::vector<ActionSample> samples;
 };
 
 double area_of(const Mesh& mesh) {
@@ -64,15 +64,15 @@ double area_of(const Mesh& mesh) {
 }
 
 /// Points of the outer surfaces, evenly by area over all performers.
-std::vector<SurfaceSample> samples_of(std::vector<Mesh> surfaces, uint32_t moment, int count,
-                                      uint64_t seed) {
+std::vector<ActionSample> samples_of(std::vector<Mesh> surfaces, uint32_t moment, int count,
+                                     uint64_t seed) {
   std::vector<sim::Part> parts;
   double total = 0;
   for (Mesh& surface : surfaces) {
     total += area_of(surface);
     parts.emplace_back().mesh = std::move(surface);
   }
-  std::vector<SurfaceSample> samples;
+  std::vector<ActionSample> samples;
   for (uint32_t p = 0; p < parts.size(); ++p) {
     const std::vector<sim::Part> one = {parts[p]};
     const auto share = static_cast<size_t>(count * area_of(one[0].mesh) / total + 0.5);
@@ -147,7 +147,7 @@ CameraModel view_of(const Vector3d& eye, const Box& box) {
   return {{kRasterSide, kRasterSide}, k, {}, look_at(eye, box.center())};
 }
 
-float incidence(const Vector3f& eye, const SurfaceSample& sample) {
+float incidence(const Vector3f& eye, const ActionSample& sample) {
   static const float kMinCosine = static_cast<float>(std::cos(kMaxIncidenceDeg * M_PI / 180));
   const float cosine = (eye - sample.point).normalized().dot(sample.normal);
   return cosine < kMinCosine ? 0 : cosine;
@@ -155,10 +155,10 @@ float incidence(const Vector3f& eye, const SurfaceSample& sample) {
 
 /// Clears the incidence of the samples in `range` that surfaces of `list` hide.
 void clear_hidden(const CameraModel& view, const sim::DrawList& list,
-                  std::span<const SurfaceSample> samples, std::span<float> incidence) {
+                  std::span<const ActionSample> samples, std::span<float> incidence) {
   std::vector<Vector3f> points;
   points.reserve(samples.size());
-  for (const SurfaceSample& sample : samples) points.push_back(sample.point);
+  for (const ActionSample& sample : samples) points.push_back(sample.point);
   const std::vector<uint8_t> seen = sim::points_seen(view, list, points, kToleranceM);
   for (size_t i = 0; i < seen.size(); ++i) {
     if (!seen[i]) incidence[i] = 0;
@@ -167,7 +167,7 @@ void clear_hidden(const CameraModel& view, const sim::DrawList& list,
 
 /// End of the samples from `begin` on that `same` holds for.
 template <class Same>
-size_t end_of_run(const std::vector<SurfaceSample>& samples, size_t begin, Same same) {
+size_t end_of_run(const std::vector<ActionSample>& samples, size_t begin, Same same) {
   const auto from = samples.begin() + static_cast<std::ptrdiff_t>(begin);
   return static_cast<size_t>(std::find_if_not(from, samples.end(), same) - samples.begin());
 }
@@ -176,14 +176,14 @@ size_t end_of_run(const std::vector<SurfaceSample>& samples, size_t begin, Same 
 
 std::vector<float> incidence_from(const Vector3d& eye, const ActionSamples& action,
                                   bool own_performer_only) {
-  const std::vector<SurfaceSample>& samples = action.samples;
+  const std::vector<ActionSample>& samples = action.samples;
   std::vector<float> values(samples.size());
   const Vector3f from = eye.cast<float>();
   std::ranges::transform(samples, values.begin(),
-                         [&](const SurfaceSample& sample) { return incidence(from, sample); });
+                         [&](const ActionSample& sample) { return incidence(from, sample); });
   for (size_t begin = 0; begin < samples.size();) {
-    const SurfaceSample& first = samples[begin];
-    const size_t end = end_of_run(samples, begin, [&](const SurfaceSample& s) {
+    const ActionSample& first = samples[begin];
+    const size_t end = end_of_run(samples, begin, [&](const ActionSample& s) {
       return s.moment == first.moment && (!own_performer_only || s.performer == first.performer);
     });
     const ActionMoment& moment = action.moments[first.moment];
@@ -196,7 +196,7 @@ std::vector<float> incidence_from(const Vector3d& eye, const ActionSamples& acti
   return values;
 }
 
-bool in_image(const CameraModel& camera, const SurfaceSample& sample) {
+bool in_image(const CameraModel& camera, const ActionSample& sample) {
   const auto pixel = camera.project(sample.point.cast<double>());
   return pixel && camera.inside_image(*pixel);
 }

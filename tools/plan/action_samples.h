@@ -25,7 +25,7 @@ struct ActionMoment {
 };
 
 /// A point of the outer surface of a performer, which can be seen from outside.
-struct SurfaceSample {
+struct ActionSample {
   Eigen::Vector3f point;   ///< world, metres
   Eigen::Vector3f normal;  ///< outward, unit length
   uint32_t moment = 0;     ///< index in ActionSamples::moments
@@ -41,7 +41,7 @@ struct ActionOptions {
 
 struct ActionSamples {
   std::vector<ActionMoment> moments;
-  std::vector<SurfaceSample> samples;  ///< in the order of the moments
+  std::vector<ActionSample> samples;  ///< in the order of the moments
 };
 
 /// The z at which performers stand in `space`: 0 where the space contains it, otherwise its bottom.
@@ -67,6 +67,6 @@ std::vector<float> incidence_from(const Eigen::Vector3d& eye, const ActionSample
                                   bool own_performer_only = false);
 
 /// Whether `camera` has the sample inside its image, disregarding other surfaces.
-bool in_image(const CameraModel& camera, const SurfaceSample& sample);
+bool in_image(const CameraModel& camera, const ActionSample& sample);
 
 }  // namespace v3d::plan

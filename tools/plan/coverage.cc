@@ -60,7 +60,7 @@ struct PointValues {
   }
 
   void add(const std::vector<CameraModel>& rig, const std::vector<Vector3f>& eyes,
-           const Views& views, const SurfaceSample& sample, size_t index) {
+           const Views& views, const ActionSample& sample, size_t index) {
     PointInformation information;
     std::vector<Vector3f> rays;
     double finest = 1e9;
@@ -81,7 +81,7 @@ struct PointValues {
   }
 };
 
-void measure_counts(const Views& views, Coverage& coverage) {
+void measure_counts(const Views& views, SurfaceCoverage& coverage) {
   const size_t samples = views.empty() ? 0 : views.front().size();
   for (size_t s = 0; s < samples; ++s) {
     coverage.share[static_cast<size_t>(std::min(3, count_at(views, s)))] +=
@@ -93,7 +93,7 @@ void measure_counts(const Views& views, Coverage& coverage) {
   }
 }
 
-void measure_occlusion(const Views& views, const Views& alone, Coverage& coverage) {
+void measure_occlusion(const Views& views, const Views& alone, SurfaceCoverage& coverage) {
   int64_t views_alone = 0, views_now = 0, below = 0;
   const size_t samples = views.front().size();
   for (size_t s = 0; s < samples; ++s) {
@@ -109,8 +109,8 @@ void measure_occlusion(const Views& views, const Views& alone, Coverage& coverag
 
 }  // namespace
 
-Coverage measure_coverage(const std::vector<CameraModel>& rig, const ActionSamples& action) {
-  Coverage coverage;
+SurfaceCoverage measure_coverage(const std::vector<CameraModel>& rig, const ActionSamples& action) {
+  SurfaceCoverage coverage;
   const Views views = views_of(rig, action, false);
   measure_counts(views, coverage);
   std::vector<Vector3f> eyes;

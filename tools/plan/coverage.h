@@ -13,7 +13,7 @@ struct Percentiles {
 };
 
 /// Shares are 0 to 1, of the surface.
-struct Coverage {
+struct SurfaceCoverage {
   std::array<double, 4> share{};  ///< seen by 0, 1, 2, and by 3 or more cameras
   std::vector<double> camera;     ///< seen by each camera of the rig
   Percentiles mm_per_pixel;       ///< on the surface, of the best camera of each seen point
@@ -27,6 +27,6 @@ struct Coverage {
 };
 
 /// Measures the rig on the samples; lens models are used as they are. Cameras in parallel.
-Coverage measure_coverage(const std::vector<CameraModel>& rig, const ActionSamples& action);
+SurfaceCoverage measure_coverage(const std::vector<CameraModel>& rig, const ActionSamples& action);
 
 }  // namespace v3d::plan

@@ -109,7 +109,7 @@ std::vector<Vector3d> candidate_targets(const Box& space) {
   return targets;
 }
 
-CameraModel ideal_camera(const LensOptions& options, double focal_mm, const Vector3d& eye,
+CameraModel ideal_camera(const CandidateLenses& options, double focal_mm, const Vector3d& eye,
                          const Vector3d& target) {
   Eigen::Matrix3d k = Eigen::Matrix3d::Identity();
   k(0, 0) = k(1, 1) = focal_mm / options.sensor_width_mm * options.size.width;
@@ -210,7 +210,7 @@ Candidate make_candidate(const CameraModel& camera, double focal_mm, const Actio
   Candidate candidate{camera, focal_mm, camera.center().cast<float>(), {}, {}};
   const auto scale = static_cast<float>(camera.matrix()(0, 0) / kMatchingErrorPx);
   for (uint32_t s = 0; s < incidence.size(); ++s) {
-    const SurfaceSample& sample = action.samples[s];
+    const ActionSample& sample = action.samples[s];
     if (incidence[s] <= 0 || !in_image(camera, sample)) continue;
     candidate.samples.push_back(s);
     candidate.weights.push_back(incidence[s] * scale * scale /
@@ -342,13 +342,14 @@ int exchange_all(const std::vector<Candidate>& candidates, size_t first, int rou
 
 }  // namespace
 
-Placement place_cameras(const Box& space, const ActionSamples& action,
-                        const std::vector<CameraModel>& fixed, const PlacementOptions& options,
-                        const std::function<void()>& progress) {
+CameraPlacement place_cameras(const Box& space, const ActionSamples& action,
+                              const std::vector<CameraModel>& fixed,
+                              const PlacementOptions& options,
+                              const std::function<void()>& progress) {
   Selection selection(action);
   std::vector<Candidate> chosen = candidates_of(fixed, action);
   for (const Candidate& camera : chosen) selection.apply(camera, 1);
-  Placement placement;
+  CameraPlacement placement;
   const auto needed = static_cast<size_t>(options.cameras);
   if (chosen.size() < needed) {
     const auto positions = candidate_positions(space, options.mounts);

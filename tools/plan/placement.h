@@ -28,7 +28,7 @@ struct MountOptions {
   double step_m = 0.5;  ///< between neighbouring positions
 };
 
-struct LensOptions {
+struct CandidateLenses {
   std::vector<double> focal_mm;
   double sensor_width_mm = 7.2;  ///< 1/1.8 inch, 4:3
   ImageSize size{1024, 768};
@@ -43,8 +43,8 @@ std::vector<Eigen::Vector3d> candidate_positions(const Box& space, const MountOp
 std::vector<Eigen::Vector3d> candidate_targets(const Box& space);
 
 /// An ideal camera without distortion, its principal point in the middle of the image.
-CameraModel ideal_camera(const LensOptions& options, double focal_mm, const Eigen::Vector3d& eye,
-                         const Eigen::Vector3d& target);
+CameraModel ideal_camera(const CandidateLenses& options, double focal_mm,
+                         const Eigen::Vector3d& eye, const Eigen::Vector3d& target);
 
 // Choice of cameras: greedy, then by exchange.
 
@@ -83,13 +83,13 @@ inline constexpr double kSeparationM = 0.3;
 
 struct PlacementOptions {
   int cameras = 0;  ///< in all, with those of `fixed`
-  LensOptions lens;
+  CandidateLenses lens;
   MountOptions mounts;
   double separation_m = kSeparationM;  ///< between two cameras
   int max_exchanges = 4;               ///< rounds over all cameras
 };
 
-struct Placement {
+struct CameraPlacement {
   std::vector<CameraModel> cameras;  ///< the chosen ones, without those of `fixed`
   std::vector<double> focal_mm;      ///< of each
   double greedy_value = 0;           ///< mean value of the samples after the greedy choice
@@ -109,8 +109,9 @@ struct Placement {
 /// layout to satisfy task-specific and floor plan-specific coverage requirements, CVIU 103(3),
 /// 2006; greedy set cover, Chvatal, Mathematics of Operations Research 4(3), 1979; exchange,
 /// Fedorov, Theory of Optimal Experiments, 1972.
-Placement place_cameras(const Box& space, const ActionSamples& action,
-                        const std::vector<CameraModel>& fixed, const PlacementOptions& options,
-                        const std::function<void()>& progress);
+CameraPlacement place_cameras(const Box& space, const ActionSamples& action,
+                              const std::vector<CameraModel>& fixed,
+                              const PlacementOptions& options,
+                              const std::function<void()>& progress);
 
 }  // namespace v3d::plan

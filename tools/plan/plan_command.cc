@@ -30,7 +30,7 @@ struct Arguments {
   std::string space;
   int cameras = 0;
   std::string lenses;
-  double sensor_width_mm = LensOptions{}.sensor_width_mm;
+  double sensor_width_mm = CandidateLenses{}.sensor_width_mm;
   std::string size = "1024x768";
   std::string fixed;
   std::string performer = "swordsman";
@@ -158,7 +158,7 @@ Request parse_request(const Arguments& arguments) {
 }
 
 /// The fixed cameras, then the planned ones with the first free names cam01, cam02, ...
-Rig rig_of(const Rig& fixed, const Placement& placement) {
+Rig rig_of(const Rig& fixed, const CameraPlacement& placement) {
   Rig rig = fixed;
   int number = 1;
   for (const CameraModel& camera : placement.cameras) {
@@ -182,7 +182,7 @@ Json json_of(const Percentiles& values) {
   return {{"p10", values.p10}, {"p50", values.p50}, {"p90", values.p90}};
 }
 
-Json json_of(const Coverage& coverage) {
+Json json_of(const SurfaceCoverage& coverage) {
   Json json;
   for (size_t i = 0; i < coverage.share.size(); ++i) {
     json["coverage"][std::to_string(i)] = coverage.share[i];
@@ -195,8 +195,8 @@ Json json_of(const Coverage& coverage) {
   return json;
 }
 
-Json json_of(const Rig& rig, const Coverage& coverage, const Request& request,
-             const Placement& placement) {
+Json json_of(const Rig& rig, const SurfaceCoverage& coverage, const Request& request,
+             const CameraPlacement& placement) {
   const size_t fixed = request.fixed.size();
   Json cameras = Json::array();
   for (size_t i = 0; i < rig.size(); ++i) {
@@ -212,8 +212,8 @@ Json json_of(const Rig& rig, const Coverage& coverage, const Request& request,
   return cameras;
 }
 
-std::string summary(const Rig& rig, const Coverage& coverage, const Request& request,
-                    const Placement& placement) {
+std::string summary(const Rig& rig, const SurfaceCoverage& coverage, const Request& request,
+                    const CameraPlacement& placement) {
   std::string text;
   for (size_t i = 0; i < rig.size(); ++i) {
     const Eigen::Vector3d at = rig[i].model.center();
@@ -245,14 +245,14 @@ int run(const Arguments& arguments) {
   const Request request = parse_request(arguments);
   const ActionSamples action = sample_action(request.space, request.action);
   const std::vector<CameraModel> fixed = models_of(request.fixed);
-  Placement placement;
+  CameraPlacement placement;
   {
     Progress progress("choose cameras", arguments.cameras - std::ssize(fixed));
     placement =
         place_cameras(request.space, action, fixed, request.placement, [&] { progress.advance(); });
   }
   const Rig rig = rig_of(request.fixed, placement);
-  const Coverage coverage = measure_coverage(models_of(rig), held_out_action(request));
+  const SurfaceCoverage coverage = measure_coverage(models_of(rig), held_out_action(request));
   // The calibration is last: its file shows that the plan is complete.
   if (!arguments.plot.empty()) {
     replace_file(arguments.plot, plot_of(rig, request.fixed.size(), request.space));

@@ -16,7 +16,7 @@
 #include "base/image/mask_operations.h"
 #include "base/io/file.h"
 #include "capture/segmentation/segmenter.h"
-#include "common/mesh_file.h"
+#include "common/mesh_formats.h"
 #include "sim/cameras/device_clock.h"
 #include "sim/performer/skeleton.h"
 #include "sim/rendering/camera_images.h"
@@ -55,7 +55,7 @@ Mesh point_cloud(const SurfacePoints& points, const Rig& rig, const std::vector<
   return cloud;
 }
 
-ordered_json to_json(const Joint& joint, int first) {
+ordered_json to_json(const JointDefinition& joint, int first) {
   ordered_json object = {{"name", joint.name},
                          {"parent", joint.parent < 0 ? -1 : first + joint.parent}};
   if (!joint.main.empty()) object["main"] = joint.main;
@@ -116,7 +116,7 @@ void TakeTruth::write_joints() const {
   auto joints = ordered_json::array(), pulses = ordered_json::array();
   for (size_t i = 0; i < cast_.size(); ++i) {
     const auto first = static_cast<int>(joints.size());
-    for (const Joint& joint : joints_of(cast_[i])) {
+    for (const JointDefinition& joint : joints_of(cast_[i])) {
       joints.push_back(to_json(joint, first));
       if (cast_.size() > 1) joints.back()["performer"] = i + 1;
     }

@@ -25,17 +25,17 @@ Clip stepping(size_t frames, size_t phase, const Vector3d& pelvis, double yaw) {
   return clip;
 }
 
-TEST(Transition, is_found_where_the_poses_are_alike_wherever_the_performers_stand) {
+TEST(SpliceTransition, is_found_where_the_poses_are_alike_wherever_the_performers_stand) {
   const Clip a = stepping(20, 0, {0, 0, 0.95}, 0.2);
   const Clip b = stepping(30, 4, {2, -1, 0.95}, 1.9);
-  const Transition found = best_transition(a, {10, 11}, b, {0, 15}, 3, [] {});
+  const SpliceTransition found = best_transition(a, {10, 11}, b, {0, 15}, 3, [] {});
   // Frames 11 to 13 of the first action are frames 7 to 9 of the second one.
   EXPECT_EQ(found.at, 10U);
   EXPECT_EQ(found.from, 7U);
   EXPECT_LT(found.cost_m, 1e-6);
 }
 
-TEST(Transition, costs_more_between_different_poses) {
+TEST(SpliceTransition, costs_more_between_different_poses) {
   const Clip a = stepping(20, 0, {0, 0, 0.95}, 0);
   const Clip b = stepping(20, 0, {0, 0, 0.95}, 0);
   const double same = best_transition(a, {5, 6}, b, {6, 7}, 3, [] {}).cost_m;
@@ -44,7 +44,7 @@ TEST(Transition, costs_more_between_different_poses) {
   EXPECT_GT(other, 0.05);
 }
 
-TEST(Transition, is_not_searched_for_after_the_caller_stops_it) {
+TEST(SpliceTransition, is_not_searched_for_after_the_caller_stops_it) {
   const Clip clip = stepping(20, 0, {0, 0, 0.95}, 0);
   int frames = 0;
   const auto stop_at_third = [&] {
@@ -57,7 +57,7 @@ TEST(Transition, is_not_searched_for_after_the_caller_stops_it) {
 TEST(Splice, continues_at_the_place_of_the_first_action_without_a_jump) {
   Clip a = stepping(20, 0, {0, 0, 0.95}, 0.2);
   const Clip b = stepping(30, 4, {2, -1, 0.95}, 1.9);
-  const Transition found = best_transition(a, {10, 11}, b, {0, 15}, 4, [] {});
+  const SpliceTransition found = best_transition(a, {10, 11}, b, {0, 15}, 4, [] {});
   EXPECT_EQ(splice(a, b, found), 12U);
   ASSERT_EQ(a.frames.size(), 11 + 30 - found.from);
   EXPECT_EQ(a.surfaces.size(), 2U);

@@ -20,15 +20,15 @@ Span random_span(int size) {
   return {std::min(a, b), std::max(a, b)};
 }
 
-Coverage exact_coverage(const Mask& mask, Span x, Span y) {
+MaskCoverage exact_coverage(const Mask& mask, Span x, Span y) {
   int64_t foreground = 0;
   for (int v = y.first; v <= y.last; ++v) {
     for (int u = x.first; u <= x.last; ++u) foreground += mask.get(u, v);
   }
   const int64_t pixels = int64_t{x.last - x.first + 1} * (y.last - y.first + 1);
-  return foreground == 0        ? Coverage::kNone
-         : foreground == pixels ? Coverage::kAll
-                                : Coverage::kSome;
+  return foreground == 0        ? MaskCoverage::kNone
+         : foreground == pixels ? MaskCoverage::kAll
+                                : MaskCoverage::kSome;
 }
 
 RC_GTEST_PROP(MaskPyramid, is_never_wrong_when_it_is_certain, ()) {
@@ -40,9 +40,9 @@ RC_GTEST_PROP(MaskPyramid, is_never_wrong_when_it_is_certain, ()) {
   for (int n = 0; n < 50; ++n) {
     const Span x = random_span(size.width);
     const Span y = random_span(size.height);
-    const Coverage truth = exact_coverage(mask, x, y);
-    const Coverage found = pyramid.coverage(x.first, y.first, x.last, y.last);
-    RC_ASSERT(found == truth || found == Coverage::kSome);
+    const MaskCoverage truth = exact_coverage(mask, x, y);
+    const MaskCoverage found = pyramid.coverage(x.first, y.first, x.last, y.last);
+    RC_ASSERT(found == truth || found == MaskCoverage::kSome);
   }
 }
 
@@ -65,13 +65,13 @@ TEST(MaskPyramid, handles_full_images_whose_sides_are_not_powers_of_two) {
     Mask mask(size);
     MaskPyramid pyramid(size);
     pyramid.build(mask);
-    EXPECT_EQ(pyramid.coverage(0, 0, size.width - 1, size.height - 1), Coverage::kNone);
+    EXPECT_EQ(pyramid.coverage(0, 0, size.width - 1, size.height - 1), MaskCoverage::kNone);
     for (int y = 0; y < size.height; ++y) mask.fill_row(y, 0, size.width);
     pyramid.build(mask);
-    EXPECT_EQ(pyramid.coverage(0, 0, size.width - 1, size.height - 1), Coverage::kAll);
+    EXPECT_EQ(pyramid.coverage(0, 0, size.width - 1, size.height - 1), MaskCoverage::kAll);
     mask.set(size.width - 1, size.height - 1, false);
     pyramid.build(mask);
-    EXPECT_NE(pyramid.coverage(0, 0, size.width - 1, size.height - 1), Coverage::kAll);
+    EXPECT_NE(pyramid.coverage(0, 0, size.width - 1, size.height - 1), MaskCoverage::kAll);
   }
 }
 
@@ -83,9 +83,9 @@ TEST(MaskPyramid, is_independent_of_the_previous_mask) {
   Mask left_half(mask.size());
   for (int y = 0; y < 768; ++y) left_half.fill_row(y, 0, 512);
   pyramid.build(left_half);
-  EXPECT_EQ(pyramid.coverage(0, 0, 1023, 767), Coverage::kSome);
+  EXPECT_EQ(pyramid.coverage(0, 0, 1023, 767), MaskCoverage::kSome);
   pyramid.build(Mask(mask.size()));
-  EXPECT_EQ(pyramid.coverage(0, 0, 1023, 767), Coverage::kNone);
+  EXPECT_EQ(pyramid.coverage(0, 0, 1023, 767), MaskCoverage::kNone);
 }
 
 TEST(MaskPyramid, handles_an_odd_last_row) {
@@ -93,7 +93,7 @@ TEST(MaskPyramid, handles_an_odd_last_row) {
   mask.fill_row(2, 0, 100);
   MaskPyramid pyramid(mask.size());
   pyramid.build(mask);
-  EXPECT_EQ(pyramid.coverage(0, 2, 63, 2), Coverage::kAll);
+  EXPECT_EQ(pyramid.coverage(0, 2, 63, 2), MaskCoverage::kAll);
 }
 
 TEST(MaskPyramid, finds_a_single_pixel_and_nothing_away_from_it) {
@@ -101,9 +101,9 @@ TEST(MaskPyramid, finds_a_single_pixel_and_nothing_away_from_it) {
   mask.set(700, 500);
   MaskPyramid pyramid(mask.size());
   pyramid.build(mask);
-  EXPECT_EQ(pyramid.coverage(0, 0, 600, 767), Coverage::kNone);
-  EXPECT_EQ(pyramid.coverage(0, 0, 1023, 767), Coverage::kSome);
-  EXPECT_EQ(pyramid.coverage(700, 500, 700, 500), Coverage::kAll);
+  EXPECT_EQ(pyramid.coverage(0, 0, 600, 767), MaskCoverage::kNone);
+  EXPECT_EQ(pyramid.coverage(0, 0, 1023, 767), MaskCoverage::kSome);
+  EXPECT_EQ(pyramid.coverage(700, 500, 700, 500), MaskCoverage::kAll);
 }
 
 }  // namespace

@@ -140,7 +140,7 @@ TEST(FrameSetRepair, leaves_the_set_unchanged_when_it_is_stopped_at_any_time) {
   FrameSet whole = observed(without_head());
   ASSERT_TRUE(repair(whole, [&] { return ++asked < 0; }));
   const int questions = asked;
-  EXPECT_GT(questions, 2 * kCameras) << "once for each camera in each round";
+  EXPECT_GT(questions, 2 * kCameras) << "once for each camera in each iteration";
   for (const int stop_at : {1, 2, kCameras, questions / 2, questions}) {
     FrameSet set = observed(without_head());
     asked = 0;

@@ -87,8 +87,8 @@ TEST(BeliefPropagation, finds_the_optimum_of_a_chain) {
     for (BeliefPropagation::Costs& costs : graph.costs) {
       for (int16_t& cost : costs.of) cost = static_cast<int16_t>(random() % 250);
     }
-    // Damped messages move by half of the difference each round: many rounds are needed.
-    const int64_t price = price_of(graph, graph.solve({.slope = kSlope, .rounds = 60}));
+    // Damped messages move by half of the difference in each iteration: many iterations are needed.
+    const int64_t price = price_of(graph, graph.solve({.slope = kSlope, .iterations = 60}));
     EXPECT_LE(price, min_price(graph) + 6);
   }
 }

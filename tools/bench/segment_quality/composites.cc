@@ -191,14 +191,14 @@ const std::vector<Condition>& conditions() {
   return kConditions;
 }
 
-std::vector<Scene> make_scenes(const std::filesystem::path& data, const Condition& condition) {
+std::vector<TrialScene> make_scenes(const std::filesystem::path& data, const Condition& condition) {
   std::vector<Cutout> people;
   for (const char* camera : kPeople) people.push_back(cut_out(data / "studio20", camera));
-  std::vector<Scene> scenes;
+  std::vector<TrialScene> scenes;
   uint64_t seed = kSeed;
   for (const char* camera : kRooms) {
     const Room room = read_room(data / "room4" / camera / "background.avi");
-    Scene scene;
+    TrialScene scene;
     for (const Image& plate : room.plates) {
       scene.plates.push_back(with_noise(plate, condition.noise, ++seed));
     }

@@ -132,7 +132,7 @@ std::string default_data() {
 
 /// Writes CONDITION-CAMERA-N.png, -truth.png and -ours.png for inspection.
 void write_pictures(const std::filesystem::path& folder, const Condition& condition,
-                    const std::vector<Scene>& scenes) {
+                    const std::vector<TrialScene>& scenes) {
   std::filesystem::create_directories(folder);
   for (size_t s = 0; s < scenes.size(); ++s) {
     for (size_t n = 0; n < scenes[s].composites.size(); ++n) {
@@ -150,19 +150,19 @@ void write_pictures(const std::filesystem::path& folder, const Condition& condit
 /// One segmenter, with its trials of every condition.
 struct Entry {
   std::string name;
-  std::vector<Trial> (*trials)(const std::vector<Scene>&);
+  std::vector<Trial> (*trials)(const std::vector<TrialScene>&);
   std::vector<std::vector<Trial>> of_condition;
 };
 
 template <SubtractorInput kInput>
-std::vector<Trial> mog2(const std::vector<Scene>& scenes) {
+std::vector<Trial> mog2(const std::vector<TrialScene>& scenes) {
   return peer_trials("MOG2", kInput, scenes);
 }
 template <SubtractorInput kInput>
-std::vector<Trial> knn(const std::vector<Scene>& scenes) {
+std::vector<Trial> knn(const std::vector<TrialScene>& scenes) {
   return peer_trials("KNN", kInput, scenes);
 }
-std::vector<Trial> ours(const std::vector<Scene>& scenes) { return {our_trial(scenes)}; }
+std::vector<Trial> ours(const std::vector<TrialScene>& scenes) { return {our_trial(scenes)}; }
 
 std::vector<Entry> entries(bool ours_alone) {
   if (ours_alone) return {{"ours", ours, {}}};
@@ -176,7 +176,7 @@ std::vector<Entry> entries(bool ours_alone) {
 void run(const Request& request) {
   std::vector<Entry> all = entries(request.ours_alone);
   for (const Condition& condition : conditions()) {
-    const std::vector<Scene> scenes = make_scenes(request.data, condition);
+    const std::vector<TrialScene> scenes = make_scenes(request.data, condition);
     if (!request.pictures.empty()) write_pictures(request.pictures, condition, scenes);
     for (Entry& entry : all) entry.of_condition.push_back(entry.trials(scenes));
     std::cerr << condition.name << " done\n";

@@ -98,7 +98,7 @@ std::vector<Setting> settings_of(const std::string& method, SubtractorInput inpu
 constexpr uint8_t kShadowLevels[] = {255, 127};
 
 /// Adds one trial for each treatment of shadows and each clean-up.
-std::vector<Trial> trials_of(const Setting& setting, const std::vector<Scene>& scenes) {
+std::vector<Trial> trials_of(const Setting& setting, const std::vector<TrialScene>& scenes) {
   std::vector<Trial> trials;
   for (const uint8_t level : kShadowLevels) {
     for (const CleanUp& how : clean_ups()) {
@@ -108,7 +108,7 @@ std::vector<Trial> trials_of(const Setting& setting, const std::vector<Scene>& s
                         {}});
     }
   }
-  for (const Scene& scene : scenes) {
+  for (const TrialScene& scene : scenes) {
     OpencvSubtractor subtractor(setting.options);
     const std::vector<Image> plates = prepared(scene.plates, *setting.input);
     subtractor.learn(views_of(plates), kRounds);
@@ -127,7 +127,7 @@ std::vector<Trial> trials_of(const Setting& setting, const std::vector<Scene>& s
   return trials;
 }
 
-segmentation::Segmenter our_segmenter(const Scene& scene) {
+segmentation::Segmenter our_segmenter(const TrialScene& scene) {
   const std::vector<Image> plates = prepared(scene.plates, kCameraInputs[0]);
   return {segmentation::learn_background(views_of(plates)), segmentation::SegmentOptions{}};
 }
@@ -164,9 +164,9 @@ double Score::f() const {
          static_cast<double>(std::max<int64_t>(2 * hits + false_alarms + misses, 1));
 }
 
-Trial our_trial(const std::vector<Scene>& scenes) {
+Trial our_trial(const std::vector<TrialScene>& scenes) {
   Trial trial{"default options, raw", {}};
-  for (const Scene& scene : scenes) {
+  for (const TrialScene& scene : scenes) {
     segmentation::Segmenter segmenter = our_segmenter(scene);
     for (const Composite& composite : scene.composites) {
       trial.score.add(segmenter.segment(filtered(composite.colour.view()).view()), composite.truth);
@@ -176,7 +176,7 @@ Trial our_trial(const std::vector<Scene>& scenes) {
 }
 
 std::vector<Trial> peer_trials(const std::string& method, SubtractorInput input_kind,
-                               const std::vector<Scene>& scenes) {
+                               const std::vector<TrialScene>& scenes) {
   const std::vector<Setting> settings = settings_of(method, input_kind);
   std::vector<std::vector<Trial>> all(settings.size());
   tbb::parallel_for(size_t{0}, settings.size(),
@@ -186,7 +186,7 @@ std::vector<Trial> peer_trials(const std::string& method, SubtractorInput input_
   return trials;
 }
 
-Mask our_mask(const Scene& scene, const Composite& composite) {
+Mask our_mask(const TrialScene& scene, const Composite& composite) {
   return our_segmenter(scene).segment(filtered(composite.colour.view()).view());
 }
 

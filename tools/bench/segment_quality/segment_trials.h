@@ -31,14 +31,14 @@ struct Composite {
 };
 
 /// One camera of the room under one condition.
-struct Scene {
+struct TrialScene {
   std::vector<Image> plates;  ///< RGB8
   std::vector<Composite> composites;
 };
 
 /// Makes one scene for each camera of the room; deterministic. `data` contains room4/ and
 /// studio20/. Throws InputError with the name of a missing file.
-std::vector<Scene> make_scenes(const std::filesystem::path& data, const Condition& condition);
+std::vector<TrialScene> make_scenes(const std::filesystem::path& data, const Condition& condition);
 
 // Trials of our segmenter and of OpenCV's subtractors on the composites, compared with the truth.
 
@@ -61,7 +61,7 @@ struct Trial {
 };
 
 /// Our segmenter as used in a studio: raw Bayer images, default options.
-Trial our_trial(const std::vector<Scene>& scenes);
+Trial our_trial(const std::vector<TrialScene>& scenes);
 
 /// Input images of the subtractors.
 enum class SubtractorInput {
@@ -73,9 +73,9 @@ enum class SubtractorInput {
 /// or demosaiced image, shadows as background or foreground, and the clean-up. `method` is "MOG2"
 /// or "KNN".
 std::vector<Trial> peer_trials(const std::string& method, SubtractorInput input_kind,
-                               const std::vector<Scene>& scenes);
+                               const std::vector<TrialScene>& scenes);
 
 /// Our mask of one composite, for inspection.
-Mask our_mask(const Scene& scene, const Composite& composite);
+Mask our_mask(const TrialScene& scene, const Composite& composite);
 
 }  // namespace v3d::bench

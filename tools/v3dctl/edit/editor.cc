@@ -95,7 +95,7 @@ void Editor::require_frames_behind(recon::ClipRange range, const recon::Clip& cl
 }
 
 // Surfaces of either action can have weights of the prop. Its position is unknown in the other one.
-void Editor::share_prop(TakeClip& added, const recon::Transition& transition) {
+void Editor::share_prop(TakeClip& added, const recon::SpliceTransition& transition) {
   if (edited_.has_prop == added.has_prop) return;
   if (edited_.has_prop) {
     recon::carry_prop(added.clip, clip_.frames[transition.at].skeleton, clip_.prop_hand);

@@ -106,7 +106,7 @@ std::string edits_for_folder(const std::string& text, const std::filesystem::pat
 
 struct SpliceReport {
   int64_t frame = 0;  ///< the last one that shows the surface of the earlier action
-  recon::Transition transition;
+  recon::SpliceTransition transition;
   double relative_jump = 0;  ///< recon::relative_jump()
 };
 
@@ -133,7 +133,7 @@ class Editor {
   /// Throws InputError for a joint whose bend would move no vertex in the range.
   void require_part_on(recon::Joint joint, recon::ClipRange range) const;
   /// Gives both actions the prop that one of them has.
-  void share_prop(TakeClip& added, const recon::Transition& transition);
+  void share_prop(TakeClip& added, const recon::SpliceTransition& transition);
 
   void apply(const CutEdit& edit);
   void apply(const StretchEdit& edit);

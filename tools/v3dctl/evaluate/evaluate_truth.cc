@@ -7,7 +7,7 @@
 #include "base/core/statistics.h"
 #include "base/io/file.h"
 #include "common/console.h"
-#include "common/mesh_file.h"
+#include "common/mesh_formats.h"
 #include "recon/mesh/self_intersection.h"
 #include "take/take.h"
 #include "v3dctl/evaluate/evaluate.h"

@@ -12,7 +12,7 @@
 #include "base/core/text.h"
 #include "base/io/file.h"
 #include "common/console.h"
-#include "common/mesh_file.h"
+#include "common/mesh_formats.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "take/take.h"
 #include "v3dctl/options.h"

@@ -16,7 +16,7 @@
 #include "base/image/colour.h"
 #include "base/image/image_files.h"
 #include "base/io/file.h"
-#include "common/mesh_file.h"
+#include "common/mesh_formats.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "recon/texture/texture.h"
 #include "v3dctl/export/mesh_export.h"

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "base/core/error.h"
-#include "common/mesh_file.h"
+#include "common/mesh_formats.h"
 #include "common/natural_order.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "daemon/recorded/take_frames.h"

@@ -21,7 +21,7 @@ namespace {
 
 struct CheckOptions {
   bool json = false;
-  PulseTrain train;
+  ShortTrain train;
 };
 
 void print_text(const CheckReport& report) {

@@ -71,7 +71,7 @@ int print_health(const Studio& studio, const HealthOptions& options) {
   return all_well(client.nodes(), health) ? kExitDone : kExitIncomplete;
 }
 
-void print_json_line(const StudioState& state) {
+void print_json_line(const StudioSnapshot& state) {
   std::printf("%s\n", health_json(state.nodes, state.health).dump().c_str());
   std::fflush(stdout);
 }
@@ -87,7 +87,7 @@ int show_health_until_interrupted(const Studio& studio, const HealthOptions& opt
     monitor.poll();
     if (Monotonic::now() < next) continue;
     next += from_seconds(1);
-    const StudioState& state = monitor.state();
+    const StudioSnapshot& state = monitor.state();
     if (screen) {
       screen->show(health_lines(state.nodes, state.health));
     } else {
@@ -102,7 +102,7 @@ int show_health_until_interrupted(const Studio& studio, const HealthOptions& opt
 constexpr Duration kRedrawPeriod = std::chrono::milliseconds(500);
 constexpr Duration kSummaryPeriod = std::chrono::seconds(1);
 
-void draw_table(const StudioState& state, LiveScreen& screen) {
+void draw_table(const StudioSnapshot& state, LiveScreen& screen) {
   std::vector<std::string> lines;
   for (const WatchLine& line : watch_lines(state, screen.width(), screen.height())) {
     lines.push_back(line.text(screen.has_colours()));

@@ -16,12 +16,12 @@ constexpr double kCloseSeconds = 30;
 
 MonotonicInstant in_seconds(double seconds) { return Monotonic::now() + from_seconds(seconds); }
 
-std::string name_of(const PulseTrain& train) {
+std::string name_of(const ShortTrain& train) {
   return train.take.empty() ? kCheckName : train.take;
 }
 
 control::Answer run_command(control::OperatorClient& client, wire::CommandVerb verb,
-                            const PulseTrain& train, double timeout_s) {
+                            const ShortTrain& train, double timeout_s) {
   wire::CommandMessage message;
   message.verb = verb;
   message.take = name_of(train);
@@ -49,7 +49,7 @@ void wait_for_end(control::OperatorClient& client, const std::string& trigger_no
 }  // namespace
 
 control::Answer run_train(control::OperatorClient& client, const Studio& studio,
-                          const PulseTrain& train, const std::function<void()>& meanwhile) {
+                          const ShortTrain& train, const std::function<void()>& meanwhile) {
   run_command(client, train.take.empty() ? wire::CommandVerb::kCheck : wire::CommandVerb::kArm,
               train, kArmSeconds);
   try {

@@ -8,7 +8,7 @@
 
 namespace v3d::ctl {
 
-struct PulseTrain {
+struct ShortTrain {
   int64_t pulses = 100;
   double rate_hz = 0;  ///< 0: as in the studio file
   std::string take{};  ///< name of the take to record; empty: the nodes measure and record nothing
@@ -19,6 +19,6 @@ struct PulseTrain {
 /// least 20 times a second. Throws std::runtime_error with the nodes' replies when a node rejects
 /// an order or does not reply, and when the user interrupts. All nodes are disarmed then.
 control::Answer run_train(control::OperatorClient& client, const Studio& studio,
-                          const PulseTrain& train, const std::function<void()>& meanwhile);
+                          const ShortTrain& train, const std::function<void()>& meanwhile);
 
 }  // namespace v3d::ctl

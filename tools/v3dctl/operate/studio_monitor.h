@@ -15,7 +15,7 @@
 
 namespace v3d::ctl {
 
-struct StudioState {
+struct StudioSnapshot {
   std::string studio;
   std::vector<std::string> nodes;                           ///< in the order of the studio file
   std::map<std::string, std::vector<std::string>> cameras;  ///< names by node
@@ -32,13 +32,13 @@ class StudioMonitor {
   /// Updates state() with the messages since the last call, and waits at most 100 ms for one.
   /// Returns the new events.
   std::vector<wire::EventMessage> poll();
-  const StudioState& state() const { return state_; }
+  const StudioSnapshot& state() const { return state_; }
 
  private:
   void drop_silent_nodes();
 
   control::OperatorClient client_;
-  StudioState state_;
+  StudioSnapshot state_;
   std::map<std::string, MonotonicInstant> received_at_;  ///< of the last health, by node
 };
 
@@ -105,12 +105,12 @@ struct WatchLine {
 /// Summary, then a line for each node with its cameras below, then the last events. The result has
 /// at most `height` lines of at most `width` columns: events are dropped first, then cameras
 /// without a fault.
-std::vector<WatchLine> watch_lines(const StudioState& state, size_t width, size_t height);
+std::vector<WatchLine> watch_lines(const StudioSnapshot& state, size_t width, size_t height);
 
 /// "14:03:11  cap01  cam07: lost ...", local time.
 WatchLine event_line(const wire::EventMessage& event);
 
 /// State and progress of the take: "recording kendo-07   300 pulses   15/15 cameras ...".
-std::string summary_line(const StudioState& state);
+std::string summary_line(const StudioSnapshot& state);
 
 }  // namespace v3d::ctl

@@ -111,7 +111,7 @@ void add_memory(Row& row, const wire::HealthMessage& health) {
   row.add(format_bytes(*used), highlight_if(false, available && *available < kWarnMemoryBytes));
 }
 
-WatchLine node_line(const std::string& node, const StudioState& state) {
+WatchLine node_line(const std::string& node, const StudioSnapshot& state) {
   Row row;
   row.add(node);
   const auto found = state.health.find(node);
@@ -243,7 +243,7 @@ struct Body {
   std::vector<bool> optional;  ///< cameras without a fault: dropped from a small window
 };
 
-Body body_of(const StudioState& state) {
+Body body_of(const StudioSnapshot& state) {
   Body body;
   const auto add = [&](const WatchLine& line, bool optional) {
     body.lines.push_back(line);
@@ -312,7 +312,7 @@ WatchLine event_line(const wire::EventMessage& event) {
            {event.text, Highlight::kNone}}};
 }
 
-std::string summary_line(const StudioState& state) {
+std::string summary_line(const StudioSnapshot& state) {
   std::string take = "idle";
   for (const auto& [node, health] : state.health) {
     if (health.take.empty()) continue;
@@ -323,7 +323,7 @@ std::string summary_line(const StudioState& state) {
   return take + (recording.empty() ? "" : "   " + recording);
 }
 
-std::vector<WatchLine> watch_lines(const StudioState& state, size_t width, size_t height) {
+std::vector<WatchLine> watch_lines(const StudioSnapshot& state, size_t width, size_t height) {
   std::vector<WatchLine> lines = {
       {{{state.studio + "   " + summary_line(state), Highlight::kNone}}}, {{}}, head_line()};
   Body body = body_of(state);

@@ -16,13 +16,13 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-std::string name_of(const Shard& shard) { return fmt::format("{:06}", shard.number); }
+std::string name_of(const TakeShard& shard) { return fmt::format("{:06}", shard.number); }
 
 }  // namespace
 
-std::vector<Shard> shards_of(const std::vector<int64_t>& pulses) {
+std::vector<TakeShard> shards_of(const std::vector<int64_t>& pulses) {
   const int64_t length = codec::EncoderOptions().key_every;
-  std::vector<Shard> shards;
+  std::vector<TakeShard> shards;
   for (const int64_t pulse : pulses) {
     if (shards.empty() || shards.back().number != pulse / length) {
       shards.push_back({pulse / length, {}});
@@ -32,7 +32,7 @@ std::vector<Shard> shards_of(const std::vector<int64_t>& pulses) {
   return shards;
 }
 
-std::vector<int64_t> pulses_with_meshes(const Shard& shard, const ReconstructReport& report) {
+std::vector<int64_t> pulses_with_meshes(const TakeShard& shard, const ReconstructReport& report) {
   std::vector<int64_t> pulses = shard.pulses;
   for (const auto& [oversized, reason] : report.oversized) std::erase(pulses, oversized);
   return pulses;
@@ -56,22 +56,24 @@ ReconstructRequest ShardFolder::request() const {
   }
 }
 
-fs::path ShardFolder::mesh(const Shard& shard) const { return shard_file(name_of(shard), ".v3d"); }
-fs::path ShardFolder::proxy(const Shard& shard) const {
+fs::path ShardFolder::mesh(const TakeShard& shard) const {
+  return shard_file(name_of(shard), ".v3d");
+}
+fs::path ShardFolder::proxy(const TakeShard& shard) const {
   return shard_file(name_of(shard), ".proxy.v3d");
 }
 
-std::vector<fs::path> ShardFolder::files(const Shard& shard, bool with_proxy) const {
+std::vector<fs::path> ShardFolder::files(const TakeShard& shard, bool with_proxy) const {
   std::vector<fs::path> files{mesh(shard)};
   if (with_proxy) files.push_back(proxy(shard));
   return files;
 }
 
-void ShardFolder::save(const Shard& shard, const ReconstructReport& report) const {
+void ShardFolder::save(const TakeShard& shard, const ReconstructReport& report) const {
   save_samples(name_of(shard), files(shard, !report.proxy.empty()), samples_to_json(report));
 }
 
-std::optional<ReconstructReport> ShardFolder::find(const Shard& shard,
+std::optional<ReconstructReport> ShardFolder::find(const TakeShard& shard,
                                                    const ReconstructReport& empty) const {
   const bool with_proxy = !empty.proxy.empty();
   const auto samples = find_samples(name_of(shard), files(shard, with_proxy));
@@ -92,7 +94,7 @@ std::optional<ReconstructReport> ShardFolder::find(const Shard& shard,
   }
 }
 
-void ShardFolder::drop(const Shard& shard) const {
+void ShardFolder::drop(const TakeShard& shard) const {
   TaskFolder::drop(name_of(shard), files(shard, true));
 }
 

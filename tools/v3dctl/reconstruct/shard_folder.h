@@ -17,16 +17,16 @@ namespace v3d::ctl {
 
 /// Pulses from one key frame to the next. Reconstructed alone, they have the same bytes as in the
 /// whole take.
-struct Shard {
+struct TakeShard {
   int64_t number = 0;           ///< counted from pulse 0, also where the take has no frames there
   std::vector<int64_t> pulses;  ///< increasing
 };
 
 /// Divides increasing pulses into shards.
-std::vector<Shard> shards_of(const std::vector<int64_t>& pulses);
+std::vector<TakeShard> shards_of(const std::vector<int64_t>& pulses);
 
 /// The pulses of a finished shard that have a mesh: all that are not oversized.
-std::vector<int64_t> pulses_with_meshes(const Shard& shard, const ReconstructReport& report);
+std::vector<int64_t> pulses_with_meshes(const TakeShard& shard, const ReconstructReport& report);
 
 /// The task folder of a reconstruction, TAKE/.shards-DIGEST. It has, beside the files of
 /// TaskFolder,
@@ -43,19 +43,20 @@ class ShardFolder : public TaskFolder {
   /// The complete request. Throws InputError if another build of this program created the folder.
   ReconstructRequest request() const;
 
-  std::filesystem::path mesh(const Shard& shard) const;
-  std::filesystem::path proxy(const Shard& shard) const;
+  std::filesystem::path mesh(const TakeShard& shard) const;
+  std::filesystem::path proxy(const TakeShard& shard) const;
   /// Saves the measurements of a shard after its mesh file and proxy. Throws as save_samples().
-  void save(const Shard& shard, const ReconstructReport& report) const;
+  void save(const TakeShard& shard, const ReconstructReport& report) const;
   /// Measurements of a finished shard; empty if it is missing or damaged. `empty`: empty_report()
   /// of the request.
-  std::optional<ReconstructReport> find(const Shard& shard, const ReconstructReport& empty) const;
-  void drop(const Shard& shard) const;
+  std::optional<ReconstructReport> find(const TakeShard& shard,
+                                        const ReconstructReport& empty) const;
+  void drop(const TakeShard& shard) const;
   /// Numbers of the shards that are finished according to the file names.
   std::set<int64_t> saved() const;
 
  private:
-  std::vector<std::filesystem::path> files(const Shard& shard, bool with_proxy) const;
+  std::vector<std::filesystem::path> files(const TakeShard& shard, bool with_proxy) const;
 };
 
 }  // namespace v3d::ctl

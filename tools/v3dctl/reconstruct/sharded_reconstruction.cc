@@ -45,7 +45,7 @@ class ShardedReconstruction : public ShardedWork {
 
   void find_finished() override {
     const std::set<int64_t> saved = folder_.saved();
-    for (const Shard& shard : shards_) {
+    for (const TakeShard& shard : shards_) {
       if (found_.contains(shard.number) || !saved.contains(shard.number)) continue;
       std::optional<ReconstructReport> report = folder_.find(shard, empty_);
       if (!report) continue;
@@ -77,7 +77,7 @@ class ShardedReconstruction : public ShardedWork {
   bool watch() override {
     const std::set<int64_t> saved = folder_.saved();
     int64_t frames = 0, shards = 0;
-    for (const Shard& shard : shards_) {
+    for (const TakeShard& shard : shards_) {
       if (!saved.contains(shard.number)) continue;
       frames += std::ssize(shard.pulses);
       ++shards;
@@ -102,7 +102,7 @@ class ShardedReconstruction : public ShardedWork {
 
   int64_t frames() const {
     int64_t count = 0;
-    for (const Shard& shard : shards_) count += std::ssize(shard.pulses);
+    for (const TakeShard& shard : shards_) count += std::ssize(shard.pulses);
     return count;
   }
 
@@ -114,7 +114,7 @@ class ShardedReconstruction : public ShardedWork {
 
   void join() {
     PendingMeshes files(paths_.mesh(), proxy_path(complete_, paths_));
-    for (const Shard& shard : shards_) {
+    for (const TakeShard& shard : shards_) {
       const ReconstructReport& made = found_.at(shard.number);
       const std::vector<int64_t> pulses = pulses_with_meshes(shard, made);
       append_meshes(pulses, folder_.mesh(shard), files.master);
@@ -137,7 +137,7 @@ class ShardedReconstruction : public ShardedWork {
   }
 
   const ReconstructRequest complete_;
-  const std::vector<Shard> shards_;
+  const std::vector<TakeShard> shards_;
   const take::TakePaths paths_;
   const ReconstructReport empty_;
   ReconstructReport report_;
@@ -163,12 +163,12 @@ void reconstruct_shards(const ShardFolder& folder, take::FrameRange range, int t
   try {
     const ReconstructRequest request = folder.request();
     recorded::TakeFrames take = open_take(request);
-    const std::vector<Shard> shards = shards_of(pulses_of(request, take));
+    const std::vector<TakeShard> shards = shards_of(pulses_of(request, take));
     const ReconstructReport empty = empty_report(take.rig(), request, threads);
     TakeReconstruction reconstruction(request, threads, std::move(take));
     for (size_t n = 0; n < shards.size(); ++n) {
       if (!range.contains(static_cast<int64_t>(n)) || folder.find(shards[n], empty)) continue;
-      const Shard& shard = shards[n];
+      const TakeShard& shard = shards[n];
       const bool with_proxy = request.proxy_voxel_m.has_value();
       PendingMeshes files(folder.mesh(shard),
                           with_proxy ? std::optional(folder.proxy(shard)) : std::nullopt);

@@ -1,4 +1,4 @@
-#include "common/mesh_file.h"
+#include "common/mesh_formats.h"
 
 #include <tiny_obj_loader.h>
 
