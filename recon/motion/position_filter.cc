@@ -24,6 +24,11 @@ constexpr float kTolerance = 1.25F;
 // metres.
 constexpr float kMinNoiseM = 0.0003F, kMaxNoiseM = 0.003F;
 
+// Of steady_displacements().
+constexpr int64_t kSteadyReach = 4;       ///< pulses on each side
+constexpr float kSteadyDeviation = 2.5F;  ///< of the weight over time, pulses
+constexpr float kOutlierM = 0.006F;       ///< from here on a displacement does not count
+
 /// Positions of one vertex around a pulse.
 using Window = std::span<const Vector3f>;
 
@@ -119,7 +124,50 @@ Vector3f smoothed(std::span<const Vector3f> path, size_t i, int max_reach, float
   return path[i];
 }
 
+/// Mean of the displacements of vertex `v` at the pulses `near`, weighed by their distance from the
+/// pulse `number` and by their distance from the median. Returns the displacement and its weight.
+std::pair<float, float> steady_displacement(std::span<const NormalDisplacements> near,
+                                            std::span<const int64_t> numbers, int64_t number,
+                                            size_t v) {
+  std::vector<float> targets;
+  for (const NormalDisplacements& pulse : near) {
+    if (pulse.weight[v] > 0) targets.push_back(pulse.target[v]);
+  }
+  if (targets.empty()) return {0, 0};
+  const float median = upper_median(std::move(targets));
+  float sum = 0, weight = 0;
+  for (size_t i = 0; i < near.size(); ++i) {
+    const float away = static_cast<float>(numbers[i] - number) / kSteadyDeviation;
+    const float share = std::min(std::abs(near[i].target[v] - median) / kOutlierM, 1.0F);
+    const float inlier = (1 - share * share) * (1 - share * share);
+    const float w = near[i].weight[v] * std::exp(-away * away / 2) * inlier;
+    sum += w * near[i].target[v];
+    weight += w;
+  }
+  return weight > 0 ? std::pair(sum / weight, std::min(weight, 1.0F)) : std::pair(0.0F, 0.0F);
+}
+
 }  // namespace
+
+std::vector<NormalDisplacements> steady_displacements(std::span<const NormalDisplacements> pulses,
+                                                      std::span<const int64_t> numbers) {
+  V3D_CHECK(pulses.size() == numbers.size());
+  std::vector<NormalDisplacements> result(pulses.begin(), pulses.end());
+  for (size_t i = 0; i < pulses.size(); ++i) {
+    const auto first = std::ranges::lower_bound(numbers, numbers[i] - kSteadyReach);
+    const auto end = std::ranges::upper_bound(numbers, numbers[i] + kSteadyReach);
+    const auto begin = static_cast<size_t>(first - numbers.begin());
+    const auto count = static_cast<size_t>(end - first);
+    const auto near = pulses.subspan(begin, count);
+    const auto near_numbers = numbers.subspan(begin, count);
+    for_each_vertex(pulses[i].target.size(), [&](size_t v) {
+      const auto [target, weight] = steady_displacement(near, near_numbers, numbers[i], v);
+      result[i].target[v] = target;
+      result[i].weight[v] = weight;
+    });
+  }
+  return result;
+}
 
 void smooth_in_time(std::vector<std::vector<Vector3f>>& positions,
                     std::span<const int64_t> pulses) {

@@ -8,6 +8,22 @@
 
 namespace v3d::recon {
 
+/// Displacements measured at one pulse, one per vertex, metres along the normal.
+struct NormalDisplacements {
+  std::vector<float> target, weight;  ///< measured where the weight is more than 0
+};
+
+/// Removes noise from the displacements of each vertex: [pulse], ascending; every pulse has the
+/// same vertices. They are relative to the graph, which moves with the surface, so noise is
+/// distinguished from motion at any speed. Each becomes the mean over the pulses near it in time. A
+/// displacement counts less the more pulses it is away and the more it differs from the median of
+/// these pulses: so a fold that comes or goes within few pulses stays where most of them have it. A
+/// vertex that is seen at some of these pulses alone has their mean.
+///
+/// Works in the caller's TBB arena. Deterministic: independent of thread count.
+std::vector<NormalDisplacements> steady_displacements(std::span<const NormalDisplacements> pulses,
+                                                      std::span<const int64_t> numbers);
+
 /// Removes noise from the path of each vertex: [pulse][vertex], world, metres; every pulse has the
 /// same vertices. `pulses`: the number of each pulse, ascending.
 ///

@@ -95,6 +95,21 @@ struct FittedPulse {
   Motion motion;
 };
 
+/// The template at a pulse, as its graph moves it.
+struct PosedTemplate {
+  std::vector<Vector3f> vertices, normals;
+
+  explicit PosedTemplate(const TemplateFit& fit)
+      : vertices(fit.vertices()), normals(fit.normals()) {}
+
+  std::vector<Vector3f> displaced(const std::vector<float>& along_normals) const {
+    std::vector<Vector3f> result(vertices.size());
+    for_each_vertex(result.size(),
+                    [&](size_t v) { result[v] = vertices[v] + along_normals[v] * normals[v]; });
+    return result;
+  }
+};
+
 /// For each node the candidate whose neighbourhood is nearest to the observed surface.
 Motion nearest_of(const std::vector<Motion>& candidates, const ObservedSurface& now,
                   const std::vector<DeformationGraph::Edge>& edges) {
@@ -250,6 +265,8 @@ class SegmentTracker {
     TrackedSegment segment;
     ColourFilter filter;
     VertexConfidence confidence;
+    std::vector<PosedTemplate> posed;
+    std::vector<NormalDisplacements> details;
     segment.key = key_ - first_;
     segment.surface = fit_.rest();
     for (size_t i = 0; i < fitted_.size(); ++i) {
@@ -258,11 +275,16 @@ class SegmentTracker {
       fit_.fit(now, kFromFirstPass, motion);
       segment.pulses.push_back(now.pulse().pulse);
       segment.residuals.push_back(fit_.residual(now, options_.far_m));
-      const NormalDisplacements detail = fit_.normal_displacements(now, kDisplacementM);
-      segment.positions.push_back(fit_.displaced(detail));
-      segment.confidences.push_back(confidence.of_pulse(fit_, detail));
+      details.push_back(fit_.normal_displacements(now, kDisplacementM));
+      posed.emplace_back(fit_);
+      segment.confidences.push_back(confidence.of_pulse(fit_, details.back()));
       if (!colours_) continue;
-      segment.colours.push_back(steady_colours(first_ + i, segment.positions.back(), filter));
+      const std::vector<Vector3f> seen = posed.back().displaced(fit_.displacements(details.back()));
+      segment.colours.push_back(steady_colours(first_ + i, seen, filter));
+    }
+    const auto steady = steady_displacements(details, segment.pulses);
+    for (size_t i = 0; i < posed.size(); ++i) {
+      segment.positions.push_back(posed[i].displaced(fit_.displacements(steady[i])));
     }
     smooth_in_time(segment.positions, segment.pulses);
     return segment;

@@ -188,8 +188,8 @@ NormalDisplacements TemplateFit::normal_displacements(const ObservedSurface& now
   return detail;
 }
 
-std::vector<Vector3f> TemplateFit::displaced(const NormalDisplacements& detail) const {
-  const size_t count = moved_.vertices.size();
+std::vector<float> TemplateFit::displacements(const NormalDisplacements& detail) const {
+  const size_t count = detail.target.size();
   std::vector<float> field(count, 0), next(count);
   for (int sweep = 0; sweep < kSmoothingSweeps; ++sweep) {
     for_each_vertex(count, [&](size_t v) {
@@ -202,10 +202,7 @@ std::vector<Vector3f> TemplateFit::displaced(const NormalDisplacements& detail) 
     });
     std::swap(field, next);
   }
-  std::vector<Vector3f> vertices(count);
-  for_each_vertex(count,
-                  [&](size_t v) { vertices[v] = moved_.vertices[v] + field[v] * normals_[v]; });
-  return vertices;
+  return field;
 }
 
 PulseResidual TemplateFit::residual(const ObservedSurface& now, double far_m) const {

@@ -8,6 +8,7 @@
 
 #include "recon/mesh/mesh_neighbours.h"
 #include "recon/motion/deformation_graph.h"
+#include "recon/motion/position_filter.h"
 #include "recon/motion/segment_tracker.h"
 #include "recon/motion/surface_patches.h"
 
@@ -21,11 +22,6 @@ struct FitStage {
   double rigidity, bending;  ///< GraphSolverOptions
   float reach_m;             ///< of the patch search; negative: none
   bool reverse;              ///< targets also from the observed surface to the template
-};
-
-/// Displacements measured at one pulse, one per vertex, metres along the normal.
-struct NormalDisplacements {
-  std::vector<float> target, weight;  ///< measured where the weight is more than 0
 };
 
 /// A template and its motion at one pulse after the other. One caller at a time; works in the
@@ -51,8 +47,9 @@ class TemplateFit {
   /// The displacements to the observed surface of the vertices that a camera sees, at most
   /// `limit_m`.
   NormalDisplacements normal_displacements(const ObservedSurface& now, float limit_m) const;
-  /// The vertices, moved by `detail`, which is smoothed over the surface.
-  std::vector<Eigen::Vector3f> displaced(const NormalDisplacements& detail) const;
+  /// `detail` smoothed over the surface: the way of each vertex along its normal, metres. Depends
+  /// on neither pulse nor motion.
+  std::vector<float> displacements(const NormalDisplacements& detail) const;
   const std::vector<Eigen::Vector3f>& vertices() const { return moved_.vertices; }
   const std::vector<Eigen::Vector3f>& normals() const { return normals_; }
   /// The number of cameras that see each vertex; 2 for all where only meshes are known.

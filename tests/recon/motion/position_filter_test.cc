@@ -140,5 +140,62 @@ TEST(SmoothInTime, smooths_where_every_second_pulse_is_lost) {
   EXPECT_LT(steps(smoothed), steps(still) / 5);
 }
 
+/// Displacements of one vertex at successive pulses, all with weight 1.
+std::vector<NormalDisplacements> of_one_vertex(size_t count,
+                                               const std::function<float(size_t)>& target) {
+  std::vector<NormalDisplacements> pulses;
+  for (size_t i = 0; i < count; ++i) pulses.push_back({{target(i)}, {1}});
+  return pulses;
+}
+
+TEST(SteadyDisplacements, have_half_of_the_noise_of_single_pulses_or_less) {
+  std::mt19937 random(7);
+  std::normal_distribution<float> noise(0, 0.001F);
+  const auto noisy = of_one_vertex(60, [&](size_t) { return 0.002F + noise(random); });
+  const auto steady = steady_displacements(noisy, successive(noisy.size()));
+  float before = 0, after = 0;
+  for (size_t i = 4; i < 56; ++i) {
+    before += (noisy[i].target[0] - 0.002F) * (noisy[i].target[0] - 0.002F);
+    after += (steady[i].target[0] - 0.002F) * (steady[i].target[0] - 0.002F);
+  }
+  EXPECT_LT(after, before / 4);
+}
+
+TEST(SteadyDisplacements, keep_a_fold_that_comes_within_a_pulse_and_stays) {
+  const auto fold = of_one_vertex(20, [](size_t i) { return i < 10 ? -0.004F : 0.004F; });
+  const auto steady = steady_displacements(fold, successive(fold.size()));
+  for (size_t i = 0; i < fold.size(); ++i) {
+    EXPECT_NEAR(steady[i].target[0], fold[i].target[0], 1e-5F) << "pulse " << i;
+  }
+}
+
+TEST(SteadyDisplacements, are_not_changed_by_one_wrong_pulse) {
+  const auto wrong = of_one_vertex(11, [](size_t i) { return i == 5 ? 0.011F : 0.001F; });
+  const auto steady = steady_displacements(wrong, successive(wrong.size()));
+  for (size_t i = 0; i < wrong.size(); ++i) EXPECT_NEAR(steady[i].target[0], 0.001F, 1e-6F);
+}
+
+TEST(SteadyDisplacements, of_a_pulse_without_the_vertex_are_those_of_the_pulses_around_it) {
+  auto pulses = of_one_vertex(9, [](size_t) { return 0.003F; });
+  pulses[4] = {{0}, {0}};
+  const auto steady = steady_displacements(pulses, successive(pulses.size()));
+  EXPECT_NEAR(steady[4].target[0], 0.003F, 1e-6F);
+  EXPECT_GT(steady[4].weight[0], 0.5F);
+}
+
+TEST(SteadyDisplacements, do_not_reach_across_a_gap_of_pulses) {
+  const auto pulses = of_one_vertex(10, [](size_t i) { return i < 5 ? 0.001F : 0.002F; });
+  std::vector<int64_t> numbers = successive(10);
+  for (size_t i = 5; i < 10; ++i) numbers[i] += 20;
+  const auto steady = steady_displacements(pulses, numbers);
+  for (size_t i = 0; i < 10; ++i) EXPECT_NEAR(steady[i].target[0], pulses[i].target[0], 1e-6F);
+}
+
+TEST(SteadyDisplacements, of_a_vertex_that_no_pulse_shows_have_no_weight) {
+  std::vector<NormalDisplacements> pulses(9, {{0.004F}, {0}});
+  const auto steady = steady_displacements(pulses, successive(pulses.size()));
+  for (const NormalDisplacements& pulse : steady) EXPECT_EQ(pulse.weight[0], 0);
+}
+
 }  // namespace
 }  // namespace v3d::recon
