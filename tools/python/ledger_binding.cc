@@ -1,11 +1,10 @@
 // The ledger of a take in Python.
-#include "take/ledger/ledger.h"
-
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
 #include "base/core/error.h"
 #include "bindings.h"
+#include "take/ledger/ledger.h"
 
 namespace v3d::python {
 namespace {
