@@ -16,6 +16,7 @@
 #include "base/core/time.h"
 #include "common/console.h"
 #include "v3dctl/motion/motion_file.h"
+#include "v3dctl/options.h"
 #include "v3dctl/reconstruct/sharded_work.h"
 
 namespace v3d::ctl {

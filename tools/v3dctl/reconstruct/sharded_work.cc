@@ -8,6 +8,7 @@
 #include "base/core/error.h"
 #include "base/io/file.h"
 #include "common/console.h"
+#include "v3dctl/options.h"
 
 namespace v3d::ctl {
 namespace {
