@@ -209,6 +209,23 @@ Image fill_size(const Image& picture, ImageSize size) {
   return filled;
 }
 
+Image reduced(const Image& picture, int factor) {
+  const int n = factor;
+  Image small({picture.size.width / n, picture.size.height / n}, PixelFormat::kRGB8);
+  V3D_CHECK(small.size.pixels() > 0 && picture.format == PixelFormat::kRGB8);
+  for (int y = 0; y < small.size.height; ++y) {
+    for (int x = 0; x < 3 * small.size.width; ++x) {
+      const int column = 3 * (x / 3) * n + x % 3;
+      int sum = n * n / 2;
+      for (int dy = 0; dy < n; ++dy) {
+        for (int dx = 0; dx < n; ++dx) sum += picture.row(y * n + dy)[column + 3 * dx];
+      }
+      small.row(y)[x] = static_cast<uint8_t>(sum / (n * n));
+    }
+  }
+  return small;
+}
+
 void sample_picture(const Image& picture, double x, double y, uint8_t rgb[3]) {
   const auto [width, height] = picture.size;
   const double left = std::floor(x), above = std::floor(y);

@@ -78,6 +78,10 @@ Mask mask_from_picture(const Image& picture);
 /// scales it to `size` (bilinear). Requires RGB8 and a picture of at least one pixel.
 Image fill_size(const Image& picture, ImageSize size);
 
+/// The means of blocks of `factor` x `factor` pixels; rows and columns that fill no block are left
+/// out. Requires RGB8, and at least one block.
+Image reduced(const Image& picture, int factor);
+
 /// Bilinear colour at pixel coordinates (centre of the first pixel: 0, 0).
 /// The picture repeats horizontally; beyond its top and bottom the nearest row is used. Requires
 /// RGB8.

@@ -147,23 +147,11 @@ ColourResponse response_of(const take::TakePaths& paths, const std::string& came
   return {};
 }
 
-/// The means of blocks of n x n pixels, so that no side exceeds `max_side`. Requires RGB8.
-Image reduced(const Image& picture, int max_side) {
+/// Reduced so that no side exceeds `max_side`. Requires RGB8.
+Image small_picture(const Image& picture, int max_side) {
   const auto [width, height] = picture.size;
-  const int n = (std::max(width, height) + max_side - 1) / max_side;
-  if (std::min(width, height) < n) return picture;
-  Image small({width / n, height / n}, PixelFormat::kRGB8);
-  for (int y = 0; y < small.size.height; ++y) {
-    for (int x = 0; x < 3 * small.size.width; ++x) {
-      const int column = 3 * (x / 3) * n + x % 3;
-      int sum = n * n / 2;
-      for (int dy = 0; dy < n; ++dy) {
-        for (int dx = 0; dx < n; ++dx) sum += picture.row(y * n + dy)[column + 3 * dx];
-      }
-      small.row(y)[x] = static_cast<uint8_t>(sum / (n * n));
-    }
-  }
-  return small;
+  const int factor = (std::max(width, height) + max_side - 1) / max_side;
+  return std::min(width, height) < factor ? picture : reduced(picture, factor);
 }
 
 /// RGB8 picture of a frame. Empty for a frame without pixels.
@@ -191,7 +179,7 @@ std::optional<std::vector<uint8_t>> TakePhotographs::thumbnail(const std::string
   const std::optional<Image> whole =
       picture(take::read_middle_frame(paths.frames(camera)), response_of(paths, camera));
   if (!whole) return {};
-  return encode_jpeg(reduced(*whole, kMaxThumbnailSide).view(), kQuality);
+  return encode_jpeg(small_picture(*whole, kMaxThumbnailSide).view(), kQuality);
 }
 
 std::optional<Frame> TakePhotographs::frame(const std::string& take, int64_t pulse,

@@ -227,6 +227,17 @@ TEST_F(VolumeExportTake, numbers_the_vertices_of_a_surface_as_its_motion_does) {
   }
 }
 
+TEST_F(VolumeExportTake, has_a_still_of_at_most_512_texels_in_each_surface) {
+  export_volume({take_, folder_ / "out", {0, 1}, 1024, false});
+  const test::Glb glb = test::parse_glb(read_file(folder_ / "out/segment-000.glb"));
+  const nlohmann::json& view =
+      glb.scene["bufferViews"][glb.scene["images"][0]["bufferView"].get<size_t>()];
+  const auto* bytes = reinterpret_cast<const uint8_t*>(glb.buffer.data());
+  const auto size = jpeg_size(
+      std::span(bytes + view["byteOffset"].get<size_t>(), view["byteLength"].get<size_t>()));
+  EXPECT_EQ(size, (ImageSize{512, 512}));
+}
+
 TEST_F(VolumeExportTake, has_one_picture_for_each_pulse_in_every_video) {
   exported({}, true);
   const nlohmann::json file = manifest();

@@ -31,6 +31,20 @@ TEST(Picture, converts_16_bit_and_grey_png_to_8_bit_rgb) {
             (std::vector<uint8_t>{0x40, 0x40, 0x40, 0xff, 0xff, 0xff}));
 }
 
+TEST(Picture, reduced_has_the_means_of_whole_blocks) {
+  Image picture({5, 3}, PixelFormat::kRGB8);
+  for (int y = 0; y < 3; ++y) {
+    for (int x = 0; x < 5; ++x) {
+      const int value = 10 * y + x;
+      for (int c = 0; c < 3; ++c) picture.row(y)[3 * x + c] = static_cast<uint8_t>(c + value);
+    }
+  }
+  const Image small = reduced(picture, 2);
+  EXPECT_EQ(small.size, (ImageSize{2, 1}));
+  // 0, 1, 10 and 11 have the mean 5.5, and 2, 3, 12 and 13 the mean 7.5; halves round up.
+  EXPECT_EQ(small.bytes, (std::vector<uint8_t>{6, 7, 8, 8, 9, 10}));
+}
+
 TEST(Picture, becomes_a_mask_where_it_is_brighter_than_half) {
   Image picture({4, 1}, PixelFormat::kRGB8);
   picture.bytes = {0, 0, 0, 127, 128, 128, 128, 128, 128, 255, 129, 0};

@@ -44,7 +44,7 @@ struct MeshFileOptions {
   /// attribute_name()s.
   std::span<const ExportedCamera> cameras = {};
   /// GLB: the texture of the mesh, in place of colours of vertices, as a JPEG image in the file.
-  /// Borrowed. Excludes Draco and `cameras`.
+  /// Its image may be smaller than the layout. Borrowed. Excludes Draco and `cameras`.
   const recon::TextureAtlas* atlas = nullptr;
   int atlas_quality = 92;  ///< of JPEG, 1 to 100
   /// With `atlas`: the attribute _VERTEX has the number of each vertex before seams divided it.

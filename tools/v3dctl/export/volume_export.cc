@@ -36,8 +36,9 @@ using Json = nlohmann::ordered_json;
 constexpr int kH264Quality = 33, kAv1Quality = 50;
 /// Step of decoded positions, metres. The tracker is less exact.
 constexpr double kPositionStep = 0.001;
-/// JPEG quality of the still picture in a segment's file, which players do not show.
-constexpr int kStillQuality = 70;
+// JPEG quality and largest side, texels, of the still picture in a segment's file: players of
+// deliveries do not show it.
+constexpr int kStillQuality = 70, kMaxStillSide = 512;
 
 /// Sound is AAC, which browsers and other players read in .mp4 everywhere; Opus in .mp4 is newer.
 constexpr const char* kSoundCodec = "mp4a.40.2";
@@ -59,6 +60,14 @@ std::vector<TextureVideo> texture_videos(int side, double rate_hz) {
   }
   return {{"texture-av1.mp4", VideoOptions::Codec::kAv1, kAv1Quality, *av1},
           {"texture-h264.mp4", VideoOptions::Codec::kH264, kH264Quality, *h264}};
+}
+
+/// The texture, halved until it is small enough for a still picture.
+Image still_of(const Image& texture) {
+  const int side = texture.size.width;
+  int factor = 1;
+  while (side / factor > kMaxStillSide && side % (2 * factor) == 0) factor *= 2;
+  return reduced(texture, factor);
 }
 
 /// The pulses of one segment of the file that are delivered: ascending, not empty.
@@ -319,7 +328,7 @@ class VolumeWriter {
       recon::AtlasColours colours = painter_.paint(mesh, layout, pulse);
       filter.apply(colours);
       Image image = std::move(colours.image);
-      if (i == segment.key()) write_surface(number, pulse, mesh, {layout, image});
+      if (i == segment.key()) write_surface(number, pulse, mesh, {layout, still_of(image)});
       if (request_.uncompressed) {
         write_png(folder_ / "textures" / fmt::format("{:06}.png", pulse), image.view());
       }
