@@ -97,7 +97,7 @@ class Driver {
       : size_(size),
         studio_(driven_studio(folder)),
         paths_(node::take_paths(studio_, kDrivenTake)),
-        marks_(open(marks, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644)) {
+        marks_(::open(marks, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644)) {
     info_ = {.name = kDrivenTake,
              .studio = studio_.name,
              .rate_hz = kDemand.rate_hz,
