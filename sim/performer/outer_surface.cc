@@ -198,14 +198,19 @@ SurfacePoints::SurfacePoints(const std::vector<Part>& parts, size_t count, uint6
   }
 }
 
+std::array<Eigen::Vector3f, 3> SurfacePoints::corners(const std::vector<Part>& parts,
+                                                      const Point& point) {
+  V3D_CHECK(point.part < parts.size());
+  const Mesh& mesh = parts[point.part].mesh;
+  const auto& [a, b, c] = mesh.triangles[point.triangle];
+  return {mesh.vertices[a], mesh.vertices[b], mesh.vertices[c]};
+}
+
 std::vector<Eigen::Vector3f> SurfacePoints::positions(const std::vector<Part>& parts) const {
   std::vector<Eigen::Vector3f> positions;
   for (const Point& point : points_) {
-    V3D_CHECK(point.part < parts.size());
-    const Mesh& mesh = parts[point.part].mesh;
-    const auto& [a, b, c] = mesh.triangles[point.triangle];
-    positions.push_back(point.weights[0] * mesh.vertices[a] + point.weights[1] * mesh.vertices[b] +
-                        point.weights[2] * mesh.vertices[c]);
+    const auto [a, b, c] = corners(parts, point);
+    positions.push_back(point.weights[0] * a + point.weights[1] * b + point.weights[2] * c);
   }
   return positions;
 }
@@ -213,12 +218,8 @@ std::vector<Eigen::Vector3f> SurfacePoints::positions(const std::vector<Part>& p
 std::vector<Eigen::Vector3f> SurfacePoints::normals(const std::vector<Part>& parts) const {
   std::vector<Eigen::Vector3f> normals;
   for (const Point& point : points_) {
-    V3D_CHECK(point.part < parts.size());
-    const Mesh& mesh = parts[point.part].mesh;
-    const auto& [a, b, c] = mesh.triangles[point.triangle];
-    normals.push_back((mesh.vertices[b] - mesh.vertices[a])
-                          .cross(mesh.vertices[c] - mesh.vertices[a])
-                          .normalized());
+    const auto [a, b, c] = corners(parts, point);
+    normals.push_back((b - a).cross(c - a).normalized());
   }
   return normals;
 }

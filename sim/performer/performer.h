@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -131,6 +132,9 @@ class SurfacePoints {
     uint32_t part = 0, triangle = 0;
     Eigen::Vector3f weights = Eigen::Vector3f::Zero();  ///< barycentric
   };
+  /// The vertices of the point's triangle.
+  static std::array<Eigen::Vector3f, 3> corners(const std::vector<Part>& parts, const Point& point);
+
   std::vector<Point> points_;
   std::vector<PointGroup> groups_;
 };

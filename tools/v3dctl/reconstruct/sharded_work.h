@@ -24,12 +24,14 @@ class ShardedWork {
   virtual void find_finished() = 0;
   /// The known shards that are not finished, ascending. Finished shards may make others known.
   virtual std::vector<take::FrameRange> missing() const = 0;
-  /// Removes what is left of missing shards, and starts their tasks.
+  /// Starts a task for each of these shards. Before, it deletes their damaged files, which would
+  /// otherwise count as finished.
   virtual void start(const std::vector<take::FrameRange>& shards, TaskRunner& tasks) = 0;
   /// Called while tasks run: shows the progress. Returns false when all shards are finished
   /// according to the names of the files.
   virtual bool watch() = 0;
-  /// missing() shards that have become known while tasks run; the others are started already.
+  /// The shards of missing() to start while tasks run. Those that have a task are not started
+  /// again.
   virtual std::vector<take::FrameRange> known_meanwhile() const { return {}; }
 };
 
