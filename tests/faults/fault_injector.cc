@@ -233,12 +233,17 @@ ssize_t pread64(int fd, void* bytes, size_t size, off_t offset) __attribute__((a
 ssize_t write(int fd, const void* bytes, size_t size) {
   static auto* const next = real<ssize_t(int, const void*, size_t)>("write");
   const std::string path = path_of(fd);
+  if (!plan().is_below(path)) return next(fd, bytes, size);  // perhaps of a signal handler
   const TraceLock lock;
   const ssize_t n = transfer(plan().next("write", path), size,
                              [&](size_t max_size) { return next(fd, bytes, max_size); });
   if (n > 0) record_write(fd, path, {static_cast<const char*>(bytes), static_cast<size_t>(n)}, -1);
   return n;
 }
+
+/// Looks up the function and makes the plan when the library is loaded: the first call may be of a
+/// signal handler.
+__attribute__((constructor)) void prepare_write() { write(-1, nullptr, 0); }
 
 ssize_t pwrite(int fd, const void* bytes, size_t size, off_t offset) {
   static auto* const next = real<ssize_t(int, const void*, size_t, off_t)>("pwrite");

@@ -5,7 +5,9 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
+#include <charconv>
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
@@ -58,10 +60,12 @@ int error_number(std::string_view name) {
   return EIO;
 }
 
+/// Empty when the target is no path: "anon_inode:[eventfd]", "socket:[17]".
 std::string read_link(const char* path) {
   std::array<char, 4096> target{};
   const long length = syscall(SYS_readlinkat, AT_FDCWD, path, target.data(), target.size());
-  return length > 0 ? std::string(target.data(), static_cast<size_t>(length)) : std::string();
+  if (length <= 0 || target[0] != '/') return {};
+  return {target.data(), static_cast<size_t>(length)};
 }
 
 }  // namespace
@@ -131,7 +135,10 @@ std::string absolute_path(int at, const char* path) {
 }
 
 std::string path_of(int fd) {
-  return fd < 0 ? "" : read_link(("/proc/self/fd/" + std::to_string(fd)).c_str());
+  if (fd < 0) return "";
+  std::array<char, 32> link{"/proc/self/fd/"};
+  std::to_chars(link.data() + std::strlen(link.data()), link.end(), fd);
+  return read_link(link.data());
 }
 
 }  // namespace v3d::test

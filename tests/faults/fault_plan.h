@@ -58,7 +58,8 @@ class FaultPlan {
 /// The absolute path of `path`, links not resolved. A relative path starts at the folder `at`, or
 /// at the working folder (AT_FDCWD).
 std::string absolute_path(int at, const char* path);
-/// The present path of the open file `fd`; empty when `fd` is not open.
+/// The present path of the open file `fd`; empty when `fd` is not open, or has no path. Allocates
+/// no memory for an eventfd: a signal handler may write to one while its thread allocates.
 std::string path_of(int fd);
 
 }  // namespace v3d::test

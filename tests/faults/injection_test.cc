@@ -156,6 +156,14 @@ TEST_P(Injection, loses_no_data_and_reports_one_failed_system_call) {
   EXPECT_GE(10 * fired_, 9 * static_cast<int>(chosen.size()));
 }
 
+TEST(FaultInjector, lets_a_signal_handler_write_to_an_eventfd_while_its_thread_allocates) {
+  const TemporaryFolder folder("/dev/shm");
+  const FaultyWorkplace place(folder.path());
+  const ProgramResult result = place.run({V3D_SIGNAL_DRIVER}, {"write", 1, "EIO", "", true});
+  EXPECT_EQ(result.status, 0);
+  EXPECT_FALSE(result.fired) << result.fired_on;
+}
+
 INSTANTIATE_TEST_SUITE_P(Faults, Injection,
                          testing::Values("record", "restart", "quarantine", "verify", "recover",
                                          "reconstruct", "collect", "collect_rsync", "slate",
