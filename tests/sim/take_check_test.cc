@@ -104,6 +104,33 @@ TEST(TakeCheck, counts_frames_that_show_another_edge_than_their_pulse) {
             5);
 }
 
+/// Removes the pulse messages from `pulse` on, as if the node had been killed before it wrote them.
+void end_pulse_log_before(int64_t pulse, const std::filesystem::path& folder) {
+  const take::TakePaths paths{folder};
+  const std::vector<wire::PulseMessage> pulses = take::read_pulses(paths.pulses());
+  std::filesystem::remove(paths.pulses());
+  take::EventLogWriter log(paths.pulses(), take::LogOpening::kNew);
+  for (const wire::PulseMessage& message : pulses) {
+    if (message.pulse >= pulse) break;
+    ASSERT_TRUE(log.write(message));
+  }
+  ASSERT_TRUE(log.sync());
+}
+
+TEST(TakeCheck, accepts_frames_of_pulses_after_the_last_one_of_the_log_only_at_their_times) {
+  const TemporaryFolder folder;
+  const std::filesystem::path cut = folder / "cut";
+  write(small_take(cut));
+  std::vector<ExposureLine> record = record_of(cut);
+  end_pulse_log_before(3, cut);
+  EXPECT_EQ(check_take(cut, record).frames_mislabelled, 0);
+  // The frame of pulse 4 of each camera shows the edge of pulse 3.
+  for (ExposureLine& line : record) {
+    if (line.image_index == 4) line.edge_time -= period_of(take::load_take_info({cut}).rate_hz);
+  }
+  EXPECT_EQ(check_take(cut, record).frames_mislabelled, 3);
+}
+
 TEST(TakeCheck, counts_mislabelled_frames_that_are_not_suspect) {
   const TemporaryFolder folder;
   SimulatedTake take = small_take(folder / "cut");

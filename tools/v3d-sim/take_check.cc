@@ -53,27 +53,57 @@ class ExposureIndex {
   std::map<MonotonicInstant, int64_t> edge_at_;
 };
 
+/// The times of the pulses of a take, by pulses.lcmlog.
+class PulseTimes {
+ public:
+  explicit PulseTimes(const take::TakePaths& take, double rate_hz) : period_(period_of(rate_hz)) {
+    for (const wire::PulseMessage& pulse : take::read_pulses(take.pulses())) {
+      logged_[pulse.pulse] = pulse.edge_monotonic;
+    }
+  }
+  /// The time of the first pulse; empty when the log lacks it.
+  std::optional<MonotonicInstant> first() const {
+    const auto found = logged_.find(0);
+    return found == logged_.end() ? std::nullopt : std::optional(found->second);
+  }
+  /// Whether `pulse` was at `time`. A node that was killed may have exposed pulses after the last
+  /// one of its log; they follow at the rate of the take. Empty for any other pulse that the log
+  /// lacks.
+  std::optional<bool> was_at(int64_t pulse, MonotonicInstant time) const {
+    const auto found = logged_.find(pulse);
+    if (found != logged_.end()) return found->second == time;
+    if (logged_.empty() || pulse < logged_.rbegin()->first) return std::nullopt;
+    const auto& [last, last_time] = *logged_.rbegin();
+    return std::chrono::abs(last_time + (pulse - last) * period_ - time) < period_ / 4;
+  }
+  /// Number of logged pulses before `pulse`.
+  int64_t logged_before(int64_t pulse) const {
+    return std::distance(logged_.begin(), logged_.lower_bound(pulse));
+  }
+
+ private:
+  const Duration period_;
+  std::map<int64_t, MonotonicInstant> logged_;
+};
+
 /// Empty when the label of a frame is correct, else the error.
 std::string verdict(const std::string& camera, const FrameLabel& label, const ExposureIndex& record,
-                    const std::map<int64_t, MonotonicInstant>& pulses) {
+                    const PulseTimes& pulses) {
   const ExposureLine* exposure = record.exposure(camera, label.device_time);
   if (exposure == nullptr) {
     return "the record has no exposure of this camera at the device time of the frame";
   }
-  const auto pulse = pulses.find(label.pulse);
-  const auto first = pulses.find(0);
-  if (pulse == pulses.end() || first == pulses.end()) {
-    return "pulses.lcmlog does not contain the pulse";
-  }
-  if (exposure->edge_time != pulse->second) {
+  const std::optional<bool> is_right = pulses.was_at(label.pulse, exposure->edge_time);
+  if (!is_right || !pulses.first()) return "pulses.lcmlog does not contain the pulse";
+  if (!*is_right) {
     return "the image shows edge " + std::to_string(exposure->edge) +
            ", which is not the edge of this pulse";
   }
   // The trigger skips pulses that would be late, and pulses may be sent without being sensed. So
   // there are at most as many edges as pulses, and at least as many as sensed pulses.
-  const auto first_edge = record.edge_at(first->second);
+  const auto first_edge = record.edge_at(*pulses.first());
   const int64_t edges = exposure->edge - first_edge.value_or(0);
-  if (!first_edge || edges > label.pulse || edges < std::distance(first, pulse)) {
+  if (!first_edge || edges > label.pulse || edges < pulses.logged_before(label.pulse)) {
     return "the image shows edge " + std::to_string(exposure->edge) +
            ", which has another number in the train";
   }
@@ -84,7 +114,7 @@ std::string verdict(const std::string& camera, const FrameLabel& label, const Ex
 class CameraCheck {
  public:
   CameraCheck(std::string camera, const std::filesystem::path& log, const ExposureIndex& record,
-              const std::map<int64_t, MonotonicInstant>& pulses, TakeCheck& check)
+              const PulseTimes& pulses, TakeCheck& check)
       : camera_(std::move(camera)), log_(log), record_(record), pulses_(pulses), check_(check) {}
 
   void run(int64_t pulses) {
@@ -144,7 +174,7 @@ class CameraCheck {
   const std::string camera_;
   take::FrameLogReader log_;
   const ExposureIndex& record_;
-  const std::map<int64_t, MonotonicInstant>& pulses_;
+  const PulseTimes& pulses_;
   TakeCheck& check_;
   std::map<DeviceInstant, int64_t> frames_of_;  ///< number of frames of each exposure
   std::map<int64_t, const FrameLabel*> shown_;  ///< the frame that readers use, by pulse
@@ -156,10 +186,7 @@ TakeCheck check_take(const std::filesystem::path& take, const std::vector<Exposu
   const take::TakePaths paths{take};
   const take::TakeInfo info = load_take_info(paths);
   const ExposureIndex record(lines);
-  std::map<int64_t, MonotonicInstant> pulses;
-  for (const wire::PulseMessage& pulse : take::read_pulses(paths.pulses())) {
-    pulses[pulse.pulse] = pulse.edge_monotonic;
-  }
+  const PulseTimes pulses(paths, info.rate_hz);
   TakeCheck check;
   for (const std::string& camera : info.cameras) {
     CameraCheck(camera, paths.frames(camera), record, pulses, check).run(info.pulses);
