@@ -55,10 +55,22 @@ class StudioOfThree : public Studio4 {
     for (const char* camera : {"cam03", "cam04"}) {  // one may be opened seconds after the other
       ASSERT_TRUE(reaches("cap02", std::string(camera) + ".frames_per_second", 5)) << log();
     }
-    const double before = value("cap02", "frames_written");
-    ASSERT_TRUE(reaches("cap02", "frames_written", before + 30)) << log();
+    ASSERT_TRUE(cap02_writes_certain_frames()) << log();
     stopped_ = command(wire::CommandVerb::kStop);
     ASSERT_TRUE(stopped_.done()) << text_of(stopped_) << log();
+  }
+  /// Waits up to 60 s until cap02 has written kCertain frames in a row none of which is suspect. A
+  /// busy machine delivers frames late, so that their arrival confirms no pulse number.
+  bool cap02_writes_certain_frames() {
+    double suspect = -1, written = 0;
+    const auto are_certain = [&] {
+      const double now_suspect = value("cap02", "frames_suspect");
+      const double now_written = value("cap02", "frames_written");
+      if (now_suspect != suspect) written = now_written;
+      suspect = now_suspect;
+      return now_written >= written + kCertain;
+    };
+    return test::becomes_true(are_certain, within(60));
   }
   /// Joins the parts of both nodes and compares them with the simulator's record of all exposures.
   /// At most `max_unsensed` of the last pulses were commanded and not sensed.
@@ -126,15 +138,15 @@ class StudioOfThree : public Studio4 {
       EXPECT_TRUE(test::becomes_true([&] { return is_idle(node); }, within(60))) << node << log();
     }
   }
-  /// The camera has exactly one gap, and no other loss. A busy machine may deliver the first frames
-  /// after it late. These are suspect, and their numbers may be wrong until the end of the pulses
-  /// that may be suspect.
+  /// The camera has exactly one gap, and no other loss. A busy machine may deliver frames after it
+  /// late. These are suspect, and their numbers may be wrong, until arrival times have confirmed
+  /// the pulse number (PulseMatcher).
   void expect_one_gap(const take::CameraLedger& camera) const {
     ASSERT_THAT(camera.missing, testing::Not(IsEmpty())) << camera.name;
     const int64_t first = camera.missing.front();
     int64_t last = first;
     while (std::ranges::binary_search(camera.missing, last + 1)) ++last;
-    const std::vector<int64_t> unsure = range(last + 1, last + kMaxSuspect);
+    const std::vector<int64_t> unsure = range(last + 1, verified_.ledger.commanded - kCertain / 4);
     EXPECT_GE(first, 20) << camera.name;
     EXPECT_LT(last, verified_.ledger.commanded - 10) << camera.name;
     EXPECT_THAT(std::vector(camera.missing.begin() + (last - first + 1), camera.missing.end()),
@@ -146,9 +158,8 @@ class StudioOfThree : public Studio4 {
               verified_.ledger.commanded);
   }
 
-  /// Frames of a camera after which its arrival times have confirmed the pulse number
-  /// (PulseMatcher).
-  static constexpr int64_t kMaxSuspect = 12;
+  /// Frames of the two cameras of cap02.
+  static constexpr int64_t kCertain = 40;
 
   control::Answer stopped_;
   take::Verification verified_;
