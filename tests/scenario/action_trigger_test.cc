@@ -91,7 +91,10 @@ class ActionStudio : public Studio4 {
     ASSERT_EQ(ledger.cameras.size(), 2U);
     for (const take::CameraLedger& camera : ledger.cameras) {
       expect_unsensed_missing(camera, ledger);
-      const auto frames = camera.written - std::ssize(camera.duplicate);
+      // A late frame of the last pulse may have the number after it, but is suspect then.
+      const auto beyond =
+          std::ranges::count_if(camera.suspect, [](int64_t pulse) { return pulse >= kPulses; });
+      const auto frames = camera.written - std::ssize(camera.duplicate) - beyond;
       EXPECT_EQ(frames + std::ssize(camera.missing), kPulses) << camera.name;
       const bool some_are_late = !is_scheduled_ && 2 * std::ssize(camera.suspect) < kPulses;
       EXPECT_TRUE(camera.suspect.empty() || some_are_late || is_late_ || has_late_commands_)
