@@ -154,8 +154,8 @@ void bind_frame(py::module_& module) {
             const Image& image = self.cast<const RecordedFrame&>().raw.image;
             return view_of(image.bytes.data(), shape_of(image), self);
           },
-          "The recorded samples, uint8: [height, width], of RGB8 [height, width, 3]. Read-only, "
-          "no copy.")
+          "The recorded samples, of 10 and 12 bits the upper 8, uint8: [height, width], of RGB8 "
+          "[height, width, 3]. Read-only, no copy.")
       .def(
           "rgb",
           [](const RecordedFrame& f, bool corrected) {
