@@ -160,13 +160,15 @@ std::string genicam_xml() {
          enumeration("TriggerActivation", {{"RisingEdge", "0"}, {"FallingEdge", "1"}}, "0x308",
                      kBySelector) +
          scaled_float("ExposureTime", "0x120", "1", "<Min>10</Min><Max>1000000</Max>") +
-         enumeration("ExposureAuto", {{"Off", "0"}}, "0x1e0") +
+         enumeration("ExposureAuto", {{"Off", "0"}, {"Continuous", "1"}}, "0x1e0") +
 
-         category("AnalogControl",
-                  {"Gain", "GainAuto", "BalanceWhiteAuto", "GammaEnable", "BlackLevel"}) +
+         category("AnalogControl", {"Gain", "GainAuto", "BalanceWhiteAuto", "GammaEnable", "Gamma",
+                                    "BlackLevel", "BlackLevelAuto"}) +
          enumeration("BalanceWhiteAuto", {{"Off", "0"}, {"Continuous", "1"}}, "0x344") +
          boolean("GammaEnable", "0x348") +
+         scaled_float("Gamma", "0x380", "100", "<Min>0</Min><Max>4</Max>") +
          scaled_float("BlackLevel", "0x34c", "10", "<Min>0</Min><Max>100</Max>") +
+         enumeration("BlackLevelAuto", {{"Off", "0"}, {"Continuous", "1"}}, "0x384") +
 
          category("DigitalIOControl", {"LineSelector", "LineMode", "LineSource"}) +
          enumeration("LineSelector", {{"Line1", "0"}, {"Line2", "1"}}, "0x350") +
@@ -189,7 +191,7 @@ std::string genicam_xml() {
          command("UserSetLoad", "UserSetRegister", "1") + reg("UserSetRegister", "0x360") +
 
          scaled_float("Gain", "0x110", "100", "<Min>0</Min><Max>24</Max>") +
-         enumeration("GainAuto", {{"Off", "1"}}, "0x114") +
+         enumeration("GainAuto", {{"Off", "1"}, {"Continuous", "2"}}, "0x114") +
 
          category("TransportLayerControl", {"PayloadSize", "TLParamsLocked"}) +
          node("IntSwissKnife", "PayloadSize",

@@ -172,18 +172,28 @@ TEST(AravisCamera, follows_ptp_and_reports_the_clock_offset) {
 constexpr uint32_t kTemperature = 0x330, kWhiteBalanceAuto = 0x344, kGammaEnable = 0x348,
                    kBlackLevel = 0x34c, kLineSelector = 0x350, kLineMode = 0x354,
                    kLineSource = 0x358, kUserSet = 0x35c, kUserSetLoad = 0x360, kReverseX = 0x33c,
-                   kReverseY = 0x340, kBinningHorizontal = 0x334, kBinningVertical = 0x338;
+                   kReverseY = 0x340, kBinningHorizontal = 0x334, kBinningVertical = 0x338,
+                   kGamma = 0x380, kExposureAuto = 0x1e0, kGainAuto = 0x114,
+                   kBlackLevelAuto = 0x384;
 
 TEST(AravisCamera, switches_off_what_changes_the_pictures_by_itself) {
   const SimulatedCamera sim;
   AravisCamera camera(SimulatedCamera::settings());
   for (int opened = 0; opened < 2; ++opened) {
-    sim.fake.write(kWhiteBalanceAuto, 1);
+    for (const uint32_t automatic : {kExposureAuto, kWhiteBalanceAuto, kBlackLevelAuto}) {
+      sim.fake.write(automatic, 1);
+    }
+    sim.fake.write(kGainAuto, 2);
     sim.fake.write(kGammaEnable, 1);
+    sim.fake.write(kGamma, 45);
     sim.fake.write(kReverseX, 1);
     camera.start();
-    EXPECT_EQ(sim.fake.read(kWhiteBalanceAuto), 0U);
+    for (const uint32_t automatic : {kExposureAuto, kWhiteBalanceAuto, kBlackLevelAuto}) {
+      EXPECT_EQ(sim.fake.read(automatic), 0U) << std::hex << automatic;
+    }
+    EXPECT_EQ(sim.fake.read(kGainAuto), 1U);
     EXPECT_EQ(sim.fake.read(kGammaEnable), 0U);
+    EXPECT_EQ(sim.fake.read(kGamma), 100U);
     EXPECT_EQ(sim.fake.read(kReverseX), 0U) << "the studio file does not mirror";
   }
 }
