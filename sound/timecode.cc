@@ -131,8 +131,9 @@ std::optional<double> timecode_frames_at(std::span<const TimecodeRun> runs, Time
   if (nearest == nullptr) return std::nullopt;
   const double step = pitch(*nearest, rate, rate_hz);
   if (step == 0) return std::nullopt;
-  return static_cast<double>(nearest->first_frame) + (sample - nearest->first_sample) / step +
-         0.5 / std::abs(step);
+  // The end of a frame comes first where the timecode runs backwards.
+  const double begin = static_cast<double>(nearest->first_frame) + (step < 0 ? 1 : 0);
+  return begin + (sample - nearest->first_sample) / step + 0.5 / step;
 }
 
 namespace {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
@@ -56,6 +57,28 @@ TEST(Timecode, of_each_rate_is_read_at_a_quarter_to_four_times_its_speed) {
         const double length = kRate / speed / frames_per_second(rate);
         const auto number = static_cast<double>(frame_number(frame.timecode, rate) - first);
         EXPECT_NEAR(static_cast<double>(frame.sample), number * length, 0.1 * length);
+      }
+    }
+  }
+}
+
+TEST(Timecode, of_each_rate_is_read_backwards) {
+  for (const TimecodeRate rate : kTimecodeRates) {
+    for (const double speed : {0.25, 1.0, 4.0}) {
+      SCOPED_TRACE(std::string(name(rate)) + " at " + std::to_string(speed));
+      const Timecode start{10, 59, 58, 20};
+      const int64_t first = frame_number(start, rate);
+      auto signal = ltc_signal(rate, start, speed);
+      std::ranges::reverse(signal);
+      const auto frames = read(signal);
+      ASSERT_THAT(frames.size(), Ge(95U));
+      for (const LtcFrame& frame : frames) {
+        ASSERT_TRUE(is_valid(frame.timecode, rate));
+        EXPECT_TRUE(frame.is_reverse);
+        const double length = kRate / speed / frames_per_second(rate);
+        const auto number = static_cast<double>(frame_number(frame.timecode, rate) - first);
+        const double begin = static_cast<double>(signal.size()) - (number + 1) * length;
+        EXPECT_NEAR(static_cast<double>(frame.sample), begin, 0.1 * length);
       }
     }
   }
@@ -161,6 +184,26 @@ TEST(TimecodeTrack, finds_the_rate_and_the_timecode_of_any_position) {
       EXPECT_THAT(track.at(middle), Optional(timecode_of(frame_number(start, rate) + frame, rate)));
     }
     EXPECT_EQ(track.at(10.0 * kRate), std::nullopt) << "no timecode is far from LTC";
+  }
+}
+
+TEST(TimecodeTrack, that_runs_backwards_has_the_timecode_of_any_position) {
+  for (const TimecodeRate rate : kTimecodeRates) {
+    SCOPED_TRACE(name(rate));
+    const Timecode start{10, 59, 58, 20};
+    auto signal = ltc_signal(rate, start, 1);
+    std::ranges::reverse(signal);
+    const TimecodeTrack track = track_of(signal);
+    ASSERT_THAT(track.rate(), Optional(rate));
+    EXPECT_EQ(track.jumps(), 0);
+    const auto end = static_cast<double>(signal.size());
+    for (const int64_t frame : {90, 50, 10}) {
+      for (const double part : {0.1, 0.5, 0.9}) {
+        const double length = kRate / frames_per_second(rate);
+        EXPECT_THAT(track.at(end - (static_cast<double>(frame) + part) * length),
+                    Optional(timecode_of(frame_number(start, rate) + frame, rate)));
+      }
+    }
   }
 }
 
