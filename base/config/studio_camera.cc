@@ -69,19 +69,33 @@ void read_region(const TomlTable& table, StudioCamera& camera) {
   camera.reverse_y = table.boolean_or("reverse_y", camera.reverse_y);
 }
 
+void add_features(const TomlTable& features, StudioCamera& camera) {
+  for (const auto& field : features.values()) {
+    const CameraFeature feature{field.first, field.second};
+    if (!camera.repeats_features) {
+      // A camera's own value replaces that of the defaults, at its own place in the order.
+      std::erase_if(camera.features,
+                    [&](const CameraFeature& other) { return other.name == feature.name; });
+    }
+    camera.features.push_back(feature);
+  }
+}
+
+/// [camera.features], or tables [[camera.features]], in which a name may occur again: a feature
+/// with a selector, such as LineSelector, has a value for each of its entries.
+void read_free_features(const TomlTable& table, StudioCamera& camera) {
+  if (!table.has("features")) return;
+  if (!table.is_array_of_tables("features")) return add_features(table.table("features"), camera);
+  camera.repeats_features = true;
+  for (const TomlTable& features : table.tables("features")) add_features(features, camera);
+}
+
 /// Settings of GenICam cameras only, and the features of both kinds of cameras.
 void read_features(const TomlTable& table, StudioCamera& camera) {
   if (table.has("black_level")) camera.black_level = ranged(table, "black_level", 0, -4096, 4096);
   camera.strobe_line = table.text_or("strobe_line", camera.strobe_line);
   camera.user_set = table.text_or("user_set", camera.user_set);
-  if (!table.has("features")) return;
-  for (const auto& field : table.table("features").values()) {
-    const CameraFeature feature{field.first, field.second};
-    // A camera's own value replaces that of the defaults, at its own place in the order.
-    std::erase_if(camera.features,
-                  [&](const CameraFeature& other) { return other.name == feature.name; });
-    camera.features.push_back(feature);
-  }
+  read_free_features(table, camera);
 }
 
 /// Reads the settings that [camera_defaults] and [[camera]] share. `camera` holds the defaults on

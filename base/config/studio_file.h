@@ -66,6 +66,9 @@ struct StudioCamera {
   std::optional<ImageSize> size;  ///< `width`, `height`; empty: the camera's current size
   /// [camera.features], in the order of the file; those of [camera_defaults.features] come first.
   std::vector<CameraFeature> features;
+  /// The file has tables [[camera.features]] or [[camera_defaults.features]]: `features` may name a
+  /// feature again, and a camera's own value replaces none of the defaults.
+  bool repeats_features = false;
   // aravis only.
   int offset_x = 0;  ///< upper left corner of the region on the sensor, pixels; with `size` only
   int offset_y = 0;

@@ -106,6 +106,11 @@ bool TomlTable::is_array_of_arrays(std::string_view key) const {
   return array != nullptr && !array->empty() && array->front().is_array();
 }
 
+bool TomlTable::is_array_of_tables(std::string_view key) const {
+  const toml::node* node = node_->find(key);
+  return node != nullptr && node->is_array_of_tables();
+}
+
 std::string TomlTable::text(std::string_view key) const {
   const toml::node& node = node_->require(key);
   if (!node.is_string()) {

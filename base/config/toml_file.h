@@ -28,6 +28,8 @@ class TomlTable {
   bool is_text(std::string_view key) const;
   /// True for an array whose first element is an array, as rows() reads.
   bool is_array_of_arrays(std::string_view key) const;
+  /// True for tables [[key]], as tables() reads.
+  bool is_array_of_tables(std::string_view key) const;
 
   std::string text(std::string_view key) const;
   std::string text_or(std::string_view key, std::string_view fallback) const;

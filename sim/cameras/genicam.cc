@@ -87,6 +87,7 @@ std::string boolean(const std::string& name, const char* address) {
 }
 
 constexpr const char* kBySelector = "<pIndex Offset=\"0x20\">TriggerSelectorValue</pIndex>";
+constexpr const char* kByLine = "<pIndex Offset=\"0x4\">LineSelectorRegister</pIndex>";
 
 }  // namespace
 
@@ -172,8 +173,8 @@ std::string genicam_xml() {
 
          category("DigitalIOControl", {"LineSelector", "LineMode", "LineSource"}) +
          enumeration("LineSelector", {{"Line1", "0"}, {"Line2", "1"}}, "0x350") +
-         enumeration("LineMode", {{"Input", "0"}, {"Output", "1"}}, "0x354") +
-         enumeration("LineSource", {{"Off", "0"}, {"ExposureActive", "1"}}, "0x358") +
+         enumeration("LineMode", {{"Input", "0"}, {"Output", "1"}}, "0x388", kByLine) +
+         enumeration("LineSource", {{"Off", "0"}, {"ExposureActive", "1"}}, "0x390", kByLine) +
 
          // As in SFNC, the device key cannot be read back.
          category("ActionControl", {"ActionUnconditionalMode", "ActionDeviceKey", "ActionSelector",

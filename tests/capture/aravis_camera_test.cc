@@ -170,11 +170,13 @@ TEST(AravisCamera, follows_ptp_and_reports_the_clock_offset) {
 }
 
 constexpr uint32_t kTemperature = 0x330, kWhiteBalanceAuto = 0x344, kGammaEnable = 0x348,
-                   kBlackLevel = 0x34c, kLineSelector = 0x350, kLineMode = 0x354,
-                   kLineSource = 0x358, kUserSet = 0x35c, kUserSetLoad = 0x360, kReverseX = 0x33c,
+                   kBlackLevel = 0x34c, kLineSelector = 0x350, kLineMode = 0x388,
+                   kLineSource = 0x390, kUserSet = 0x35c, kUserSetLoad = 0x360, kReverseX = 0x33c,
                    kReverseY = 0x340, kBinningHorizontal = 0x334, kBinningVertical = 0x338,
                    kGamma = 0x380, kExposureAuto = 0x1e0, kGainAuto = 0x114,
                    kBlackLevelAuto = 0x384;
+/// Offset of the registers of the second line.
+constexpr uint32_t kLine2 = 4;
 
 TEST(AravisCamera, switches_off_what_changes_the_pictures_by_itself) {
   const SimulatedCamera sim;
@@ -209,13 +211,28 @@ TEST(AravisCamera, writes_black_level_strobe_user_set_and_free_features) {
   AravisCamera camera(wanted);
   camera.start();
   EXPECT_EQ(sim.fake.read(kBlackLevel), 45U);
-  EXPECT_EQ(sim.fake.read(kLineMode), 1U);
-  EXPECT_EQ(sim.fake.read(kLineSource), 1U);
+  EXPECT_EQ(sim.fake.read(kLineMode + kLine2), 1U);
+  EXPECT_EQ(sim.fake.read(kLineSource + kLine2), 1U);
   EXPECT_EQ(sim.fake.read(kUserSet), 1U);
   EXPECT_EQ(sim.fake.read(kUserSetLoad), 1U);
   EXPECT_EQ(sim.fake.read(kReverseX), 1U);
   EXPECT_EQ(sim.fake.read(kLineSelector), 0U) << "free features come after the strobe output";
   EXPECT_EQ(sim.fake.read(kGammaEnable), 1U) << "free features come after the defaults";
+  EXPECT_TRUE(camera.differences().empty());
+}
+
+TEST(AravisCamera, writes_features_of_both_lines) {
+  const SimulatedCamera sim;
+  sim.fake.write(kLineSource + kLine2, 1);
+  StudioCamera wanted = SimulatedCamera::settings();
+  wanted.features = {{"LineSelector", "Line1"},
+                     {"LineSource", "ExposureActive"},
+                     {"LineSelector", "Line2"},
+                     {"LineSource", "Off"}};
+  AravisCamera camera(wanted);
+  camera.start();
+  EXPECT_EQ(sim.fake.read(kLineSource), 1U);
+  EXPECT_EQ(sim.fake.read(kLineSource + kLine2), 0U);
   EXPECT_TRUE(camera.differences().empty());
 }
 
