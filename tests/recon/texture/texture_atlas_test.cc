@@ -8,6 +8,8 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <map>
+#include <utility>
 
 #include "base/core/error.h"
 #include "recon/metrics/evaluation.h"
@@ -203,6 +205,58 @@ TEST(AtlasColours, have_no_seam_between_cameras_of_different_brightness) {
     }
   }
   EXPECT_LE(greatest, 6) << "the cameras differ by up to 50";
+}
+
+/// The middle of the edge between the vertices `a` and `b` in the triangle `t`, texels.
+Eigen::Vector2f middle_of_edge(const Mesh& mesh, const AtlasLayout& layout, uint32_t t, uint32_t a,
+                               uint32_t b) {
+  Eigen::Vector2f sum = Eigen::Vector2f::Zero();
+  for (size_t k = 0; k < 3; ++k) {
+    const uint32_t v = mesh.triangles[t][k];
+    if (v == a || v == b) sum += layout.corners[t][k];
+  }
+  return sum / 2;
+}
+
+/// An edge between two charts: its vertices, and the triangles on both sides.
+struct ChartSeam {
+  uint32_t a = 0, b = 0, one = 0, other = 0;
+};
+
+std::vector<ChartSeam> chart_seams(const Mesh& mesh, const AtlasLayout& layout) {
+  std::map<std::pair<uint32_t, uint32_t>, uint32_t> first;
+  std::vector<ChartSeam> seams;
+  for (uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+    for (size_t k = 0; k < 3; ++k) {
+      const uint32_t a = mesh.triangles[t][k], b = mesh.triangles[t][(k + 1) % 3];
+      const auto [at, is_new] = first.try_emplace({std::min(a, b), std::max(a, b)}, t);
+      const uint32_t other = at->second;
+      if (is_new || layout.chart[t] == layout.chart[other]) continue;
+      if (layout.folded[t] == 0 && layout.folded[other] == 0) seams.push_back({a, b, t, other});
+    }
+  }
+  return seams;
+}
+
+TEST(AtlasColours, are_equal_on_both_sides_of_an_edge_between_charts) {
+  // Waves of many texels, and small triangles: what remains are errors of the interpolation.
+  const std::vector<Shot> shots = six_photographs([](int,
+                                                     const Eigen::Vector3f& p) -> Eigen::Vector3f {
+    return {128 + 100 * std::sin(30 * p.x()), 128 + 100 * std::sin(20 * p.y() + 15 * p.z()), 90};
+  });
+  const auto cameras = borrow(shots);
+  const Mesh ball = coloured_ball(cameras, 48);
+  const AtlasLayout layout = lay_out_atlas(ball, {.side = 256});
+  const Image image = colour_atlas(ball, layout, cameras, by_resolution()).image;
+  const std::vector<ChartSeam> seams = chart_seams(ball, layout);
+  ASSERT_GT(seams.size(), 100U);
+  float greatest = 0;
+  for (const auto& [a, b, one, other] : seams) {
+    const Eigen::Vector3f here = sample_atlas(image, middle_of_edge(ball, layout, one, a, b));
+    const Eigen::Vector3f there = sample_atlas(image, middle_of_edge(ball, layout, other, a, b));
+    greatest = std::max(greatest, (here - there).cwiseAbs().maxCoeff());
+  }
+  EXPECT_LE(greatest, 8) << "the colour changes by up to 30 from texel to texel";
 }
 
 TEST(AtlasColours, that_no_camera_sees_are_those_of_the_vertices) {
