@@ -1,9 +1,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "base/config/calib_file.h"
 #include "support/temporary_folder.h"
 #include "tools/gliding_take.h"
+#include "tools/test_images.h"
 #include "v3dctl/evaluate/evaluate.h"
+#include "v3dctl/import/import.h"
+#include "v3dctl/reconstruct/take_reconstruction.h"
 
 namespace v3d::ctl {
 namespace {
@@ -31,6 +35,52 @@ TEST_F(EvaluationPages, show_a_frame_that_all_meshes_have) {
 
 TEST_F(EvaluationPages, have_no_images_where_no_frame_is_common) {
   EXPECT_THAT(page_beside(7, 9), HasSubstr("6 frames; no images, because no frame is in all"));
+}
+
+int count(const std::string& text, std::string_view word) {
+  int found = 0;
+  for (size_t at = text.find(word); at != std::string::npos; at = text.find(word, at + 1)) ++found;
+  return found;
+}
+
+/// Imports a take of a ball in six cameras and reconstructs it without the camera a.
+void make_take_without_a(const fs::path& folder, const fs::path& take) {
+  const Rig rig = test::small_rig(6);
+  save_calib(folder / "calib.toml", rig);
+  test::write_pictures(folder / "images", rig, test::ball_image);
+  test::write_pictures(folder / "masks", rig, test::ball_mask);
+  ImportOptions import;
+  import.take = take;
+  import.calib = folder / "calib.toml";
+  import.images = folder / "images";
+  import.masks = folder / "masks";
+  import_take(import);
+  ReconstructRequest request;
+  request.take = take;
+  request.bounds = Box{{-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5}};
+  request.voxel_m = 0.02;
+  request.threads = 2;
+  request.leave_out = {"a"};
+  reconstruct_take(request);
+}
+
+TEST_F(EvaluationPages, show_a_held_out_photograph_beside_vertex_colours_and_atlas) {
+  const fs::path take = folder_ / "take";
+  make_take_without_a(folder_.path(), take);
+  EvaluationPage page;
+  page.held_out = {"a"};
+  page.atlas_side = 128;
+  page.columns = {
+      {"take",
+       {take},
+       {},
+       evaluate_held_out({take}, {.cameras = page.held_out, .atlas_side = page.atlas_side})}};
+  const std::string html = evaluation_html(page);
+  EXPECT_EQ(count(html, "<img"), 5) << "the photograph, two renderings and their differences";
+  for (const char* const caption :
+       {"photograph", "take: ", "take, atlas: ", "take: difference", "take, atlas: difference"}) {
+    EXPECT_THAT(html, HasSubstr(std::string("<figcaption>") + caption));
+  }
 }
 
 }  // namespace
