@@ -9,6 +9,7 @@ import validator from '../../tools/viewer/node_modules/gltf-validator/index.js';
 import { AnimationMixer, Box3, Color, Vector3 } from '../../tools/viewer/node_modules/three/build/three.module.js';
 import { MeshoptDecoder } from '../../tools/viewer/node_modules/three/examples/jsm/libs/meshopt_decoder.module.js';
 import { GLTFLoader } from '../../tools/viewer/node_modules/three/examples/jsm/loaders/GLTFLoader.js';
+import { USDAParser } from '../../tools/viewer/node_modules/three/examples/jsm/loaders/usd/USDAParser.js';
 
 const CAMERAS = 4;
 const folder = mkdtempSync(join(tmpdir(), 'v3d-export-'));
@@ -188,4 +189,30 @@ test('three.js reads the same mesh from a meshopt file as from an uncompressed o
   assert.ok(Math.max(...differences) < 1e-5, `${Math.max(...differences)}`);
   const heights = plain.vertices.map((vertex) => vertex[1]);
   assert.ok(Math.max(...heights) - Math.min(...heights) > 1.2, 'the person is upright, with y up');
+});
+
+/** The values at `offset`, `offset` + 3, ... in ascending order. */
+const ascending = (values, offset) => values.filter((_, i) => i % 3 === offset).sort((a, b) => a - b);
+
+test('the USD parser of three.js reads the points and triangles of each pulse', async () => {
+  run('v3dctl', 'export', 'moving', '--format', 'usda', '--surface', 'meshes', 'parsed.usda');
+  const { specsByPath } = new USDAParser().parseData(readFileSync(join(folder, 'parsed.usda'), 'utf8'));
+  const samples = (name) => specsByPath[`/take/surface.${name}`].fields.timeSamples;
+  for (const name of ['points', 'faceVertexCounts', 'faceVertexIndices']) assert.deepEqual(samples(name).times, [0, 1], name);
+  for (const pulse of [0, 1]) {
+    run('v3dctl', 'export', 'moving', '--format', 'glb', '--frames', `${pulse}`, `moving-${pulse}.glb`);
+    const glb = await loaded(readFileSync(join(folder, `moving-${pulse}.glb`)));
+    const points = samples('points').values[pulse];
+    assert.equal(points.length, 3 * glb.vertices.length);
+    const upright = glb.vertices.flatMap(([x, y, z]) => [x, -z, y]); // GLB has y up
+    for (const axis of [0, 1, 2]) {
+      const expected = ascending(upright, axis);
+      const differences = ascending(points, axis).map((value, i) => Math.abs(value - expected[i]));
+      assert.ok(Math.max(...differences) < 1e-5, `axis ${axis}: ${Math.max(...differences)}`);
+    }
+    const corners = samples('faceVertexIndices').values[pulse];
+    assert.equal(corners.length, 3 * glb.triangles);
+    assert.equal(samples('faceVertexCounts').values[pulse].length, glb.triangles);
+    assert.equal(Math.max(...corners), glb.vertices.length - 1);
+  }
 });
