@@ -55,49 +55,6 @@ after(async () => {
   await studio.end();
 });
 
-test('lists the takes and reports a take without meshes', async () => {
-  await open('');
-  await shows('takes', 'ball');
-  assert.match(await text('takes'), /57 meshes/);
-  await page.click('[data-take=empty]');
-  await shows('trouble', 'no meshes yet');
-});
-
-const listed = () => page.locator('#takes [data-take]').evaluateAll((buttons) => buttons.map((b) => b.dataset.take));
-
-test('finds takes by words and by their state', async () => {
-  await open('');
-  const all = (await listed()).length;
-  await page.fill('#take-words', 'BALL');
-  assert.deepEqual(await listed(), ['ball']);
-  await shows('takes-note', `1 of ${all} takes`);
-  await page.fill('#take-words', '');
-  await page.selectOption('#take-state', 'edited');
-  assert.deepEqual(await listed(), []);
-  await page.selectOption('#take-state', '');
-  assert.equal((await listed()).length, all);
-});
-
-test('shows another take beside the open one', async () => {
-  await open('take=ball&pulse=12');
-  await showsPulse(12);
-  await page.hover('[data-take=pair]');
-  await page.click('[data-compare=pair]');
-  await shows('title', 'ball and pair');
-  await page.keyboard.press('Home');
-  await page.keyboard.press('f');
-  const someIn = (from, to) => async () => {
-    for (let across = from; across < to; across += 0.02) {
-      const seen = await colourAt(across, 0.5);
-      if (isNear(GREEN)(seen) || isNear(BLUE)(seen)) return seen;
-    }
-    return [0, 0, 0];
-  };
-  const isBall = (colour) => isNear(GREEN)(colour) || isNear(BLUE)(colour);
-  await becomes(isBall, 'the ball at the left', someIn(0.1, 0.5));
-  await becomes(isBall, 'the pair at the right', someIn(0.5, 0.9));
-});
-
 test('shows the proxy of a take until the full meshes are chosen', async () => {
   const YELLOW = [200, 200, 40];
   const isOn = () => page.getAttribute('#proxy', 'aria-pressed');

@@ -248,6 +248,15 @@ test('shows the number of cameras that agree about the surface', async (story) =
   await shows('confidence-note', 'number of cameras that see a point');
 });
 
+test('lists takes with small pictures, where they have raw frames', async () => {
+  await open('');
+  await page.waitForSelector('[data-take=meshes-alone]', { state: 'attached' });
+  await page.locator('[data-take=four]').scrollIntoViewIfNeeded();
+  await page.waitForFunction(() => document.querySelector('[data-take=four] img')?.naturalWidth > 0, null, { timeout: TIMEOUT_MS });
+  await page.locator('[data-take=meshes-alone]').scrollIntoViewIfNeeded();
+  await page.waitForFunction(() => !document.querySelector('[data-take=meshes-alone] img'), null, { timeout: TIMEOUT_MS });
+});
+
 test('reports a take without raw frames', async () => {
   await open('take=meshes-alone&pulse=1');
   await shows('facts', 'pulse 1 ');
