@@ -77,15 +77,16 @@ NodeSound::~NodeSound() {
 
 void NodeSound::begin(const take::TakePaths& paths, const std::string& take, double pulse_rate_hz) {
   auto queue = std::make_shared<SoundQueue>(kQueueBlocks);
+  const std::lock_guard lock(mutex_);
   auto started =
       std::make_shared<SoundTake>(SoundTake::Setup{.sound = sound_,
                                                    .paths = paths,
                                                    .take = take,
                                                    .pulse_rate_hz = pulse_rate_hz,
                                                    .stamp_uncertainty_s = stamp_uncertainty_s_,
-                                                   .timecode = timecode_},
+                                                   .timecode = timecode_,
+                                                   .position = delivered_},
                                   queue);
-  const std::lock_guard lock(mutex_);
   queue_ = std::move(queue);
   take_ = std::move(started);
 }
@@ -148,6 +149,9 @@ NodeSound::Status NodeSound::status() {
   status.peaks = std::exchange(peaks_, {});
   if (is_open_) status.level_faults = levels_.faults();
   status.take = take_ ? take_->counts() : last_take_;
+  if (take_) {
+    status.waiting_s = static_cast<double>(delivered_ - status.take.position) / sound_.rate_hz;
+  }
   return status;
 }
 
@@ -204,6 +208,7 @@ void NodeSound::deliver(sound::SoundBlock block) {
   for (size_t i = 0; i < peaks.size(); ++i) peaks_[i] = std::max(peaks_[i], peaks[i]);
   levels_.add(peaks, std::ssize(block.values) / sound_.channels);
   delivered_until_ = block.at;
+  delivered_ = block.position + std::ssize(block.values) / sound_.channels;
   if (queue_) queue_->push(std::move(block));
   changed_.notify_all();
 }
@@ -225,6 +230,9 @@ namespace {
 
 using sound::LevelFault;
 using sound::LevelMonitor;
+
+/// Sound that waits for the disk longer than this, seconds, is reported: a kill loses it.
+constexpr double kMaxWaiting = 1;
 
 /// A subject for each channel, because the limit on repeated events compares the text of one.
 void report_levels(const NodeSound::Status& status, wire::HealthMessage& health,
@@ -279,6 +287,11 @@ void report_sound(const NodeSound::Status& status, wire::HealthMessage& health,
   };
   report("sound", status.fault, node::advice::kSound);
   report("sound file", status.take.error, node::advice::kSoundFile);
+  report("sound disk",
+         status.waiting_s <= kMaxWaiting
+             ? ""
+             : fmt::format("{:.0f} s of sound wait for the disk", status.waiting_s),
+         node::advice::kSoundDisk);
   const int64_t xruns = status.take.xruns;
   report("sound xruns", xruns == 0 ? "" : format_count(xruns) + " xruns: samples of sound are lost",
          node::advice::kSoundXruns);

@@ -44,6 +44,7 @@ class SoundTake {
     double pulse_rate_hz = 25;
     double stamp_uncertainty_s = 1e-3;
     TimecodeSource timecode = {};
+    int64_t position = 0;  ///< of the device at the start
   };
   /// `queue`: the blocks of the device.
   SoundTake(Setup setup, std::shared_ptr<SoundQueue> queue);
@@ -57,6 +58,7 @@ class SoundTake {
     int64_t timecode_jumps = 0;
     std::string first_jump;  ///< "20:00:00:00 instead of 10:00:04:13"
     std::string error;       ///< of the disk, one line; empty: none
+    int64_t position = 0;    ///< of the device, after the last block that was written
   };
   Counts counts() const;  ///< any thread
 
@@ -67,6 +69,7 @@ class SoundTake {
 
  private:
   void process(const sound::SoundBlock& block);
+  void append(const sound::SoundBlock& block);
   void count_jumps();
   void take_pulses();
   io::Status create_file(const sound::SoundBlock& first);
@@ -120,6 +123,7 @@ class NodeSound {
     std::vector<double> peaks{};  ///< of each channel since the last call, of full scale
     std::vector<sound::ChannelFault> level_faults{};  ///< of audible channels; none: not open
     SoundTake::Counts take{};                         ///< of the present take, else of the last one
+    double waiting_s = 0;  ///< sound of the present take that is not written yet, seconds
   };
   Status status();
 
@@ -148,6 +152,7 @@ class NodeSound {
   std::shared_ptr<SoundCheck> check_;  ///< the present one, else null
   SoundTake::Counts last_take_;
   MonotonicInstant delivered_until_;  ///< time of the last block
+  int64_t delivered_ = 0;             ///< position of the device after the last block
   int64_t position_ = 0, xruns_ = 0;  ///< of all earlier openings; the thread only
   std::atomic<double> stamp_uncertainty_s_ = 1e-3;
   std::thread thread_;  ///< last member
@@ -157,8 +162,8 @@ class NodeSound {
 
 /// Adds sound_open_flag, sound_samples, sound_xruns, sound_peak_N_db, sound_channels_clipping and
 /// sound_channels_silent and sound_timecode_jumps to the health. Reports faults of device and file,
-/// lost samples, jumps of the timecode in the take, and each channel that clips or is silent as
-/// conditions.
+/// lost samples, sound that waits for the disk, jumps of the timecode in the take, and each channel
+/// that clips or is silent as conditions.
 void report_sound(const NodeSound::Status& status, wire::HealthMessage& health,
                   bus::EventSender& events);
 

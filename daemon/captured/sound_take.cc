@@ -35,6 +35,7 @@ SoundTake::SoundTake(Setup setup, std::shared_ptr<SoundQueue> queue)
       track_({.sound = setup_.sound,
               .pulse_rate_hz = setup_.pulse_rate_hz,
               .stamp_uncertainty_s = setup_.stamp_uncertainty_s}),
+      counts_{.position = setup_.position},
       receiver_(std::move(queue), [this](const sound::SoundBlock& block) { process(block); }) {}
 
 SoundTake::Counts SoundTake::counts() const {
@@ -44,7 +45,12 @@ SoundTake::Counts SoundTake::counts() const {
 
 void SoundTake::process(const sound::SoundBlock& block) {
   take_pulses();
-  if (!written_) return;  // samples after a gap in the file would have wrong positions
+  if (written_) append(block);  // samples after a gap in the file would have wrong positions
+  const std::lock_guard lock(mutex_);
+  counts_.position = block.position + std::ssize(block.values) / setup_.sound.channels;
+}
+
+void SoundTake::append(const sound::SoundBlock& block) {
   if (!file_) written_ = create_file(block);
   if (written_) written_ = write(block, track_.add(block));
   const std::lock_guard lock(mutex_);

@@ -70,6 +70,8 @@ inline constexpr char kSound[] =
     "the devices)";
 inline constexpr char kSoundFile[] =
     "Pictures are recorded, but no more sound; check the disk (journalctl -k) before the next take";
+inline constexpr char kSoundDisk[] =
+    "It is lost if the daemon is killed, and gaps follow at 10 s; check the disk (journalctl -k)";
 inline constexpr char kSoundXruns[] =
     "The file has silence there, and ledger.toml lists the places; close other programs on this PC";
 inline constexpr char kTimecodeOutput[] =

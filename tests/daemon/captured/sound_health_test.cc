@@ -65,6 +65,20 @@ TEST_F(SoundHealth, sends_an_event_when_another_channel_becomes_silent) {
   EXPECT_EQ(events[2], "sound channel 3: the problem has ended");
 }
 
+TEST_F(SoundHealth, sends_an_event_when_more_than_a_second_waits_for_the_disk) {
+  NodeSound::Status status = open({});
+  status.waiting_s = 0.9;
+  report(status);
+  status.waiting_s = 3.1;
+  report(status);
+  status.waiting_s = 0;
+  report(status);
+  EXPECT_THAT(
+      next_events(2),
+      ElementsAre(testing::StartsWith("sound disk: 3 s of sound wait for the disk. It is lost"),
+                  "sound disk: the problem has ended"));
+}
+
 TEST_F(SoundHealth, sends_an_event_when_the_timecode_jumps) {
   NodeSound::Status status = open({});
   EXPECT_EQ(report(status).values.at("sound_timecode_jumps"), 0);
