@@ -140,7 +140,7 @@ test('is silent at another speed, and plays again at the speed of the recording'
   await becomes(isHeard, 'sound');
 });
 
-test('is silent when it is switched off, while scrubbing, and while paused', async () => {
+test('is silent when it is switched off, while the position stays, and while paused', async () => {
   await page.click('#sound');
   await page.waitForSelector('#sound[aria-pressed=false]');
   await becomes(isSilent, 'off');
@@ -150,12 +150,31 @@ test('is silent when it is switched off, while scrubbing, and while paused', asy
   await page.mouse.move(line.x + 10, line.y + line.height / 2);
   await page.mouse.down();
   await page.mouse.move(line.x + line.width / 2, line.y + line.height / 2, { steps: 3 });
-  await becomes(isSilent, 'scrubbing');
+  await becomes(isSilent, 'the position stays');
   await page.mouse.up();
   await page.keyboard.press(' ');
   await becomes(isHeard, 'sound');
   await page.keyboard.press(' ');
   await becomes(isSilent, 'paused');
+});
+
+test('plays the sound of each position while scrubbing', async () => {
+  await page.evaluate(() => { window.parts.length = 0; });
+  const line = await page.locator('#timeline').boundingBox();
+  const y = line.y + line.height / 2;
+  await page.mouse.move(line.x + 0.1 * line.width, y);
+  await page.mouse.down();
+  for (const [n, part] of [0.2, 0.35, 0.5, 0.6, 0.7].entries()) {
+    await page.mouse.move(line.x + part * line.width, y);
+    await page.waitForFunction((count) => window.parts.length > count, n);
+  }
+  const { parts, positions } = await page.evaluate(() => ({ parts: window.parts, positions: window.positions }));
+  for (const { when, value } of parts) {
+    const [, exact] = positions.findLast(([now]) => now <= 1000 * when);
+    assert.ok(Math.abs(exact - heardPulse(value)) / RATE <= MAX_OFFSET_S, `pulse ${heardPulse(value)} is heard at ${exact}`);
+  }
+  await becomes(isSilent, 'the position does not change');
+  await page.mouse.up();
 });
 
 test('reports a sound file that cannot be played until it can, while the pictures go on', async () => {

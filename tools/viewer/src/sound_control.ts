@@ -49,7 +49,7 @@ export class SoundControl {
       composition.playSound(exact / playback.rate, playing, speed, now);
     }
     if (!this.player) return;
-    this.player.follow({ exact, playing, speed, outPulse }, now);
+    this.player.follow({ exact, playing, speed, outPulse, scrubbing: this.on && !playback.playing }, now);
     this.button.dataset.state = this.player.state;
     this.canvas.dataset.sound = this.player.state; // for the browser tests, as is the position
     this.canvas.dataset.position = `${now} ${exact}`;

@@ -5,6 +5,12 @@ import { sampleOf, type SoundSource, type Stereo } from './sound_file';
 /** Parts are scheduled this long before they are heard, seconds. */
 const AHEAD_S = 1.5;
 const MAX_PARTS = 32;
+/** While scrubbing, each new position is heard for so long, seconds. */
+const GRAIN_S = 0.06;
+/** The shortest time between the starts of two such grains, seconds. */
+const GRAIN_STEP_S = 0.04;
+/** Fades a grain in and out. */
+const HANN = Float32Array.from({ length: 65 }, (_, n) => 0.5 - 0.5 * Math.cos((2 * Math.PI * n) / 64));
 
 /** Events that browsers count as a gesture of the user. */
 const GESTURES = ['pointerdown', 'pointerup', 'touchend', 'click', 'keydown'];
@@ -69,12 +75,14 @@ export interface Played {
   speed: number;
   /** The last pulse that is heard. */
   outPulse: number;
+  /** A new position is heard shortly while it does not play. */
+  scrubbing?: boolean;
 }
 
 /** `failed`: it plays, but without the parts that cannot be read. */
 export type SoundState = 'none' | 'off' | 'muted' | 'blocked' | 'playing' | 'failed';
 
-/** The sound of one take. Silent while paused and at another speed than 1. */
+/** The sound of one take. Silent at another speed than 1, and while paused, except for new positions while scrubbing. */
 export class SoundPlayer {
   state: SoundState = 'none';
   /** Of the samples, 1: as recorded. */
@@ -86,6 +94,9 @@ export class SoundPlayer {
   private started = 0;
   private readonly failures = new Map<string, string>(); // by file, until a part of it can be read
   private ended = false;
+  private position: number | null = null; // of the last picture
+  private scrubbed: number | null = null; // the last position that was heard, or need not be
+  private nextGrain = 0; // on the clock of the context, seconds
 
   /** `trouble` gets the errors of all files, '' when there is none. */
   constructor(
@@ -101,8 +112,13 @@ export class SoundPlayer {
   /** To call for every picture. The playback is at its position at `now`, on the clock of the page, milliseconds. */
   follow(played: Played, now: number): void {
     this.state = this.stateFor(played);
-    if (this.state !== 'playing') return this.stop();
     const { exact } = played;
+    this.position = exact;
+    if (this.state !== 'playing') {
+      this.stop();
+      return this.scrub(played);
+    }
+    this.scrubbed = exact;
     if (this.clock.follow(exact, this.output.heardAt(now))) {
       this.silence();
       this.next = exact;
@@ -127,32 +143,65 @@ export class SoundPlayer {
     return this.output.isRunning() ? 'playing' : 'blocked';
   }
 
+  /** Plays a grain of the sound where the position is a new one. */
+  private scrub({ exact, playing, scrubbing }: Played): void {
+    if (playing || !scrubbing || this.scrubbed === null || this.sources.length === 0) {
+      this.scrubbed = exact;
+      return;
+    }
+    if (exact === this.scrubbed || !this.output.isRunning()) return;
+    const { currentTime } = this.output.context;
+    if (currentTime < this.nextGrain) return; // a later picture plays it
+    this.nextGrain = currentTime + GRAIN_STEP_S;
+    this.scrubbed = exact;
+    this.playGrain(exact);
+  }
+
+  /** Plays the sound from a pulse on, at most to the end of its part. */
+  private playGrain(from: number): void {
+    const pulses = PART_S * this.rate;
+    const index = Math.floor(from / pulses + 1e-9);
+    const to = Math.min(from + GRAIN_S * this.rate, (index + 1) * pulses);
+    this.useParts(index, from, to, (buffer, part) => {
+      if (from === this.position && this.scrubbed === from) this.play(buffer, part, this.output.context.currentTime, HANN);
+    });
+  }
+
+  /** Calls `use` for each file with the buffer of a part and the pulses [from, to) in it, when the buffer is there. */
+  private useParts(index: number, from: number, to: number, use: (buffer: AudioBuffer, part: Part) => void): void {
+    const pulses = PART_S * this.rate;
+    for (const [n, { file }] of this.sources.entries()) {
+      const sampleAt = (pulse: number) => sampleOf(file.map, pulse);
+      const whole = partOf(file, sampleAt, index * pulses, (index + 1) * pulses, this.rate);
+      const part = partOf(file, sampleAt, from, to, this.rate);
+      if (!whole || !part) continue;
+      const offset_s = part.offset_s + (part.first - whole.first) / file.rate_hz;
+      void this.buffer(n, index, whole).then((buffer) => buffer && use(buffer, { ...part, offset_s }));
+    }
+  }
+
   /** Plays the pulses from `from` on, up to the end of their part. Returns the end. */
   private schedule(from: number, limit: number): number {
     const pulses = PART_S * this.rate;
     const index = Math.floor(from / pulses + 1e-9);
     const to = Math.min(limit, (index + 1) * pulses);
     const run = this.started;
-    for (const [n, { file }] of this.sources.entries()) {
-      const sampleAt = (pulse: number) => sampleOf(file.map, pulse);
-      const whole = partOf(file, sampleAt, index * pulses, (index + 1) * pulses, this.rate);
-      const part = partOf(file, sampleAt, from, to, this.rate);
-      if (!whole || !part) continue;
-      void this.buffer(n, index, whole).then((buffer) => {
-        if (!buffer || run !== this.started || !this.clock.anchor) return;
-        this.play(buffer, { ...part, offset_s: part.offset_s + (part.first - whole.first) / file.rate_hz }, this.clock.timeOf(from));
-      });
-    }
+    this.useParts(index, from, to, (buffer, part) => {
+      if (run === this.started && this.clock.anchor) this.play(buffer, part, this.clock.timeOf(from));
+    });
     return to;
   }
 
-  private play(buffer: AudioBuffer, part: Part, at: number): void {
+  /** `fade`: the curve of the gain over the part; otherwise constant. */
+  private play(buffer: AudioBuffer, part: Part, at: number, fade?: Float32Array<ArrayBuffer>): void {
     const { context } = this.output;
     const late = Math.max(0, context.currentTime - at);
     const seconds = part.seconds - late * part.speed;
     if (seconds <= 0) return;
     const source = new AudioBufferSourceNode(context, { buffer, playbackRate: part.speed });
-    source.connect(new GainNode(context, { gain: this.gain })).connect(context.destination);
+    const gain = new GainNode(context, { gain: fade ? 0 : this.gain });
+    if (fade) gain.gain.setValueCurveAtTime(fade.map((value) => value * this.gain), at + late, seconds / part.speed);
+    source.connect(gain).connect(context.destination);
     source.start(at + late, part.offset_s + late * part.speed, seconds);
     source.onended = () => this.playing.delete(source);
     this.playing.add(source);

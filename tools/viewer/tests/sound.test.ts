@@ -209,4 +209,41 @@ describe('the sound of a take', () => {
     expect(troubles.at(-1)).toBe('');
     expect(player.state).toBe('playing');
   });
+
+  it('plays a short part from each new position while scrubbing, at most every 40 ms', async () => {
+    const starts: { at: number; offset: number; seconds: number }[] = [];
+    class Node {
+      gain = { setValueCurveAtTime: () => undefined };
+      connect = () => this;
+      start = (at: number, offset: number, seconds: number) => starts.push({ at, offset, seconds });
+      stop = () => undefined;
+    }
+    vi.stubGlobal('AudioBuffer', class {
+      copyToChannel = () => undefined;
+    });
+    vi.stubGlobal('AudioBufferSourceNode', Node);
+    vi.stubGlobal('GainNode', Node);
+    const output = { context: { currentTime: 0 }, isRunning: () => true, heardAt: (now: number) => now / 1000 };
+    const file = { ...FILE, rate_hz: 480, samples: 4800, map: [[0, 0], [250, 4800]] as [number, number][] };
+    const source = new SoundSource(file, new Bytes(wave(1, Array(4800).fill(0))));
+    const player = new SoundPlayer(output as unknown as SoundOutput, [source], 25, () => undefined);
+    const show = async (exact: number, currentTime: number, scrubbing = true) => {
+      output.context.currentTime = currentTime;
+      player.follow({ exact, playing: false, speed: 1, outPulse: 249, scrubbing }, 1000 * currentTime);
+      for (let n = 0; n < 5; ++n) await new Promise((done) => setTimeout(done));
+      return starts.length;
+    };
+    expect(await show(3, 0)).toBe(0); // the take was opened there
+    expect(await show(3, 0.02)).toBe(0);
+    expect(await show(14, 0.04)).toBe(1);
+    expect(starts[0].at).toBe(0.04);
+    expect(starts[0].offset).toBeCloseTo(1.5 / 25, 6); // in the part from pulse 12.5 on
+    expect(starts[0].seconds).toBeCloseTo(0.06, 6);
+    expect(await show(15, 0.06)).toBe(1); // too soon
+    expect(await show(15, 0.09)).toBe(2);
+    expect(await show(15, 0.2)).toBe(2);
+    expect(await show(17, 0.3, false)).toBe(2); // the sound is switched off
+    expect(await show(17, 0.4)).toBe(2);
+    expect(player.state).toBe('off');
+  });
 });
