@@ -5,71 +5,82 @@
 #include <cstddef>
 #include <cstdint>
 #include <utility>
+#include <vector>
 
 namespace v3d::recond {
 
-/// Decides by the length of the queue of frame sets (LiveQueue), and by no clock. A take begins
-/// with all passes.
-///   - When kGrowth more sets wait than before, or when the queue has not become shorter for
-///     kPatience pulses (LiveQueue allows 10 s), the pulses get one pass less from now on. Until
-///     the queue is empty they get none, so that the live picture is late for some pulses, not for
-///     seconds. Without passes, a pulse costs what the visual hull costs. So no pulse is dropped
-///     for a pass.
-///   - After a pause of some pulses, and when no set waits, they get one pass more. The pause is
-///     kFirstPause at first. It doubles, up to kLongestPause, when the pass has to be given up
-///     again, and is kFirstPause again when the pass was kept for kLongestPause pulses. So a PC
-///     that is too slow for a pass changes the surface seldom.
+/// Decides by the length of the queue of frame sets (LiveQueue), and by no clock:
+///   - A pass starts when no set waits. So pulses use the time that remains until the next set, and
+///     the next set waits for one pass at most.
+///   - A pass is too slow when kSlowWaiting sets wait after it, kSlowPulses times without a faster
+///     one in between; or once, when kMaxWaiting sets wait or sets were dropped. The LiveQueue has
+///     room for three times as many sets. The next pulses get no such pass. Single delays, which
+///     other programs cause, do not count.
+///   - After a pause of some pulses, and when no set waits, the pulses get one pass more. The pause
+///     is kFirstPause at first. It doubles, up to kLongestPause, when the pass is too slow again,
+///     and is kFirstPause again when the pass was kept for kLongestPause pulses. So a PC that is
+///     too slow for a pass loses little time with attempts.
 ///
 /// One thread.
 class PassLoadControl {
  public:
-  static constexpr size_t kGrowth = 2;
-  static constexpr int64_t kPatience = 20;
+  static constexpr size_t kSlowWaiting = 2;
+  static constexpr int kSlowPulses = 3;
+  static constexpr size_t kMaxWaiting = 8;
   static constexpr int64_t kFirstPause = 25;
   static constexpr int64_t kLongestPause = 1600;
 
   /// `max_passes`: passes with enough time.
-  explicit PassLoadControl(int max_passes) : max_passes_(max_passes), passes_(max_passes) {}
+  explicit PassLoadControl(int max_passes)
+      : max_passes_(max_passes), passes_(max_passes), slow_(static_cast<size_t>(max_passes)) {}
 
-  /// The passes of the next pulse, while `waiting` sets wait. Call it once for each pulse.
-  /// `behind`: LiveQueue::behind(), sets were dropped.
-  int next(size_t waiting, bool behind) {
+  /// The most passes of the next pulse, while `waiting` sets wait. Call it once for each pulse.
+  /// `behind`: LiveQueue::behind(), sets were dropped; then they are 0.
+  int begin_pulse(size_t waiting, bool behind) {
     if (++since_change_ == kLongestPause && was_raised_) pause_ = kFirstPause;
-    if (std::exchange(is_other_load_, false) || waiting == 0 || waiting < min_waiting_) {
-      min_waiting_ = waiting;
-      since_min_ = 0;
-    } else {
-      ++since_min_;
-    }
-    const bool is_slow = waiting >= min_waiting_ + kGrowth || since_min_ >= kPatience;
-    is_late_ = waiting > 0 && (is_late_ || is_slow);
-    if (passes_ > 0 && (behind || is_slow)) {
+    const int ran = std::exchange(ran_, 0);
+    const bool is_other_load = std::exchange(is_other_load_, false);
+    if (ran > 0 && !is_other_load && is_too_slow(ran, waiting, behind)) {
       if (was_raised_) pause_ = std::min(2 * pause_, kLongestPause);
-      change_to(behind ? 0 : passes_ - 1, waiting);
+      change_to(ran - 1);
     } else if (passes_ < max_passes_ && waiting == 0 && !behind && since_change_ >= pause_) {
-      change_to(passes_ + 1, waiting);
+      change_to(passes_ + 1);
     }
-    return is_late_ ? 0 : passes_;
+    return behind ? 0 : passes_;
+  }
+
+  /// Whether the next pass of the pulse may start, while `waiting` sets wait. Call it before each.
+  bool may_run(size_t waiting) {
+    if (waiting > 0) return false;
+    ++ran_;
+    return true;
   }
 
   /// Sets that wait at the next pulse do not count: something else than the passes took the time.
   void ignore_waiting() { is_other_load_ = true; }
 
  private:
-  void change_to(int passes, size_t waiting) {
+  /// `ran`: passes of the pulse before, at least 1. No set waited before the last of them.
+  bool is_too_slow(int ran, size_t waiting, bool behind) {
+    int& slow = slow_[static_cast<size_t>(ran - 1)];
+    slow = waiting >= kSlowWaiting ? slow + 1 : 0;
+    if (slow < kSlowPulses && waiting < kMaxWaiting && !behind) return false;
+    slow = 0;
+    return true;
+  }
+  void change_to(int passes) {
     was_raised_ = passes > passes_;
     passes_ = passes;
-    since_change_ = since_min_ = 0;
-    min_waiting_ = waiting;
+    since_change_ = 0;
   }
 
   const int max_passes_;
-  int passes_;
-  bool was_raised_ = false;                   ///< by the last change
-  int64_t since_change_ = 0, since_min_ = 0;  ///< pulses
-  size_t min_waiting_ = 0;                    ///< sets that waited at least, since the last change
-  bool is_late_ = false;                      ///< until the queue is empty
+  int passes_;               ///< the most for each pulse
+  std::vector<int> slow_;    ///< by last pass of a pulse: how many such pulses in a row were slow
+  int ran_ = 0;              ///< passes of the current pulse
+  bool was_raised_ = false;  ///< passes_, by the last change
   bool is_other_load_ = false;
+  int64_t since_change_ = 0;     ///< pulses
   int64_t pause_ = kFirstPause;  ///< pulses
 };
 

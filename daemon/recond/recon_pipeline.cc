@@ -228,16 +228,18 @@ void ReconPipeline::repair(Job& job) {
 }
 
 /// The warm-up gets all passes, to allocate memory for them.
-void ReconPipeline::choose_passes(Job& job) {
-  job.work.live_passes =
-      job.is_warm_up ? max_passes_ : passes_.next(ready_.size(), ready_.behind(Monotonic::now()));
+void ReconPipeline::limit_passes(Job& job) {
+  job.work.live_passes = max_passes_;
+  if (job.is_warm_up) return;
+  job.work.live_passes = passes_.begin_pulse(ready_.size(), ready_.behind(Monotonic::now()));
+  job.work.may_run_pass = [this] { return passes_.may_run(ready_.size()); };
 }
 
 void ReconPipeline::make_mesh(Job& job) {
   run_stage(
       [&](recon::FrameSetJob& work) {
         repair(job);
-        choose_passes(job);
+        limit_passes(job);
         stages_.make_mesh(work);
       },
       job);
@@ -268,7 +270,7 @@ void ReconPipeline::finish(Job& job) {
   if (job.is_warm_up) return stages_.begin_sequence();
   if (!job.failure.empty()) return record_failure(job);
   ghosts_ += job.work.result.ghosts;
-  ++by_passes_[static_cast<size_t>(job.work.live_passes.value_or(0))];
+  ++by_passes_[static_cast<size_t>(job.work.result.live_passes)];
   wire::MeshMessage mesh = message_of(job);
   if (shared_) {
     shared_->add_mesh(std::move(mesh));

@@ -142,7 +142,7 @@ class ReconPipeline {
   std::optional<Job> next_job();
   void run_stage(const std::function<void(recon::FrameSetJob&)>& stage, Job& job);
   void repair(Job& job);
-  void choose_passes(Job& job);
+  void limit_passes(Job& job);
   void make_mesh(Job& job);
   void encode_mesh(Job& job);
   void finish(Job& job);

@@ -88,8 +88,8 @@ void Reconstructor::make_surface(FrameSetJob& work) {
   if (deform_) {
     deform_->deform(work.frames, work.volume, work.result.mesh);
   } else {
-    work.result.live_passes = work.live_passes.value_or(live_passes_);
-    live_deform_->deform(work.frames, work.result.live_passes, work.result.mesh);
+    work.result.live_passes = live_deform_->deform(
+        work.frames, work.live_passes.value_or(live_passes_), work.result.mesh, work.may_run_pass);
   }
   work.result.times.deform = milliseconds_since(deforming);
 }

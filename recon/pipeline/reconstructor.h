@@ -43,7 +43,7 @@ struct Reconstruction {
   Mesh mesh;
   double volume_m3 = 0;                     ///< occupied voxels times voxel volume
   int ghosts = 0;                           ///< number of components that GhostRemoval removed
-  int live_passes = 0;                      ///< passes of the LiveDeformer that ran
+  int live_passes = 0;                      ///< passes of LiveDeformStage that ran
   std::vector<std::string> cameras;         ///< cameras that took part
   std::vector<std::string> late_cameras{};  ///< of these, those with the frame of the next pulse
   std::vector<uint8_t> performers;          ///< of each vertex, 0: unknown; empty: not stated
@@ -63,8 +63,9 @@ struct FrameSetJob {
   FrameSet set;
   /// With Quality::kMedium; empty: ReconstructOptions::live_passes. 0 to kLivePasses.
   std::optional<int> live_passes;
-  RigFrames frames;     ///< of `set`
-  SparseVolume volume;  ///< the mesh is its surface
+  PassCheck may_run_pass;  ///< with Quality::kMedium: asked before each of these passes
+  RigFrames frames;        ///< of `set`
+  SparseVolume volume;     ///< the mesh is its surface
   Reconstruction result;
 };
 

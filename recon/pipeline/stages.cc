@@ -157,9 +157,11 @@ LiveDeformStage::LiveDeformStage(const Rig& rig, const VoxelGrid& grid)
       lattice_(finer_lattice(grid, kLiveStepsInHalfVoxel)),
       deformer_({.voxel_m = voxel_m_, .lattice = lattice_}) {}
 
-void LiveDeformStage::deform(const RigFrames& frames, int passes, Mesh& surface) {
-  if (passes == 0) return;
-  deformer_.run(surface_cameras(models_, frames, surface, voxel_m_), passes, surface);
+int LiveDeformStage::deform(const RigFrames& frames, int passes, Mesh& surface,
+                            const PassCheck& may_run) {
+  if (passes == 0 || (may_run && !may_run())) return 0;
+  return deformer_.run(surface_cameras(models_, frames, surface, voxel_m_), passes, surface,
+                       may_run);
 }
 
 // --- colours

@@ -103,8 +103,9 @@ class LiveDeformStage {
 
   /// Lattice of the resulting vertices.
   const VertexLattice& lattice() const { return lattice_; }
-  /// Deforms `surface` by the first `passes` passes: see LiveDeformer::run().
-  void deform(const RigFrames& frames, int passes, Mesh& surface);
+  /// Deforms `surface` by the first `passes` passes, and asks `may_run` before each of them.
+  /// Returns the passes that ran: see LiveDeformer::run().
+  int deform(const RigFrames& frames, int passes, Mesh& surface, const PassCheck& may_run = {});
 
  private:
   std::vector<CameraModel> models_;

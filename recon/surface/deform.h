@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -107,6 +108,10 @@ inline constexpr int kLivePasses = 3;
 /// Without the removal of self-intersections, which costs as much as a depth search.
 inline constexpr int kDefaultLivePasses = 2;
 
+/// Returns whether there is time for the next pass. Called by the thread that runs the deformation,
+/// once for each pass that would run. Empty: always.
+using PassCheck = std::function<bool()>;
+
 struct LiveDeformOptions {
   double voxel_m = 0.01;  ///< of the volume that the mesh comes from
   VertexLattice lattice;  ///< of the resulting vertices; those of the mesh must lie on it
@@ -128,9 +133,11 @@ class LiveDeformer {
   ~LiveDeformer();
 
   /// Moves the vertices of `mesh` (world, metres), which must be closed, by the first `passes`
-  /// passes. Triangles do not change. Only LivePass::kCrossings guarantees that no
-  /// self-intersections are added. Requires 0 <= passes <= kLivePasses.
-  void run(const SurfaceCameras& cameras, int passes, Mesh& mesh);
+  /// passes. Stops before a pass, except before the first one, for which `may_run` returns false.
+  /// Returns the number of passes: a call with this number and without `may_run` makes the same
+  /// mesh. Triangles do not change. Only LivePass::kCrossings guarantees that no self-intersections
+  /// are added. Requires 0 <= passes <= kLivePasses.
+  int run(const SurfaceCameras& cameras, int passes, Mesh& mesh, const PassCheck& may_run = {});
 
  private:
   class Impl;

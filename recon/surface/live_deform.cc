@@ -70,10 +70,16 @@ class LiveDeformer::Impl {
   explicit Impl(const LiveDeformOptions& options)
       : options_(options), voxel_(static_cast<float>(options.voxel_m)) {}
 
-  void run(const SurfaceCameras& cameras, int passes, Mesh& mesh) {
+  int run(const SurfaceCameras& cameras, int passes, Mesh& mesh, const PassCheck& may_run) {
     V3D_CHECK(passes >= 0 && passes <= kLivePasses);
-    const auto runs = [&](LivePass pass) { return passes > static_cast<int>(pass); };
-    if (passes == 0 || cameras.cameras.empty() || mesh.vertices.empty()) return;
+    if (passes == 0 || cameras.cameras.empty() || mesh.vertices.empty()) return passes;
+    int done = 1;
+    const auto runs = [&](LivePass pass) {
+      const bool is_next = done == static_cast<int>(pass) && done < passes;
+      if (!is_next || (may_run && !may_run())) return false;
+      ++done;
+      return true;
+    };
     neighbours_ = Neighbours(mesh);
     rows_ = NeighbourRows(neighbours_);
     start_ = mesh.vertices;
@@ -87,6 +93,7 @@ class LiveDeformer::Impl {
         mesh.vertices[v] = rounded_to(options_.lattice, mesh.vertices[v]);
       });
     }
+    return done;
   }
 
  private:
@@ -220,8 +227,9 @@ class LiveDeformer::Impl {
 LiveDeformer::LiveDeformer(const LiveDeformOptions& options)
     : impl_(std::make_unique<Impl>(options)) {}
 LiveDeformer::~LiveDeformer() = default;
-void LiveDeformer::run(const SurfaceCameras& cameras, int passes, Mesh& mesh) {
-  impl_->run(cameras, passes, mesh);
+int LiveDeformer::run(const SurfaceCameras& cameras, int passes, Mesh& mesh,
+                      const PassCheck& may_run) {
+  return impl_->run(cameras, passes, mesh, may_run);
 }
 
 }  // namespace v3d::recon

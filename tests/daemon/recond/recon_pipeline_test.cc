@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <functional>
 #include <future>
 #include <semaphore>
 
@@ -179,35 +180,72 @@ TEST_F(RepairingPipeline, counts_a_pulse_whose_repair_throws_as_failed) {
   ASSERT_TRUE(makes(1));
 }
 
-TEST_F(ReconPipelineOnBus, leaves_out_passes_of_the_deformation_while_sets_wait) {
+/// A pipeline of medium quality with two passes, which take no time.
+class DeformingPipeline : public ReconPipelineOnBus {
+ protected:
+  /// The test's function is called before each pass.
+  void begin_deforming(std::function<void(int64_t pulse, int pass)> before_pass,
+                       std::function<void()> before_colours) {
+    const auto make_mesh = [this, before_pass = std::move(before_pass),
+                            before_colours = std::move(before_colours)](recon::FrameSetJob& work) {
+      int& passes = work.result.live_passes;
+      for (; passes < work.live_passes.value(); ++passes) {
+        before_pass(work.set.pulse, passes);
+        if (!work.may_run_pass()) break;
+      }
+      passes_.push_back(passes);
+      before_colours();
+      name_pulse(work);
+    };
+    pipeline_.emplace(
+        ReconPipeline::Setup{.take = "kendo-07",
+                             .mesh_file = folder_ / "mesh.v3d",
+                             .stages = {.make_mesh = make_mesh, .encode = write_pulse},
+                             .threads = 2,
+                             .sets = {.cameras = {"cam01"}},
+                             .live_passes = 2},
+        bus_);
+  }
+  bool waits(int64_t sets) {
+    return becomes_true([&] { return pipeline_->counts().waiting == sets; }, within(30));
+  }
+  std::vector<int> passes_;  ///< by pulse
+};
+
+TEST_F(DeformingPipeline, leaves_out_passes_while_sets_wait) {
   std::counting_semaphore<> entered(0), go(0);
-  std::vector<int> passes;
-  pipeline_.emplace(
-      ReconPipeline::Setup{.take = "kendo-07",
-                           .mesh_file = folder_ / "mesh.v3d",
-                           .stages = {.make_mesh =
-                                          [&](recon::FrameSetJob& work) {
-                                            passes.push_back(work.live_passes.value());
-                                            entered.release();
-                                            go.acquire();
-                                            name_pulse(work);
-                                          },
-                                      .encode = write_pulse},
-                           .threads = 2,
-                           .sets = {.cameras = {"cam01"}},
-                           .live_passes = 2},
-      bus_);
+  begin_deforming([](int64_t, int) {},
+                  [&] {
+                    entered.release();
+                    go.acquire();
+                  });
   constexpr int64_t kPulses = 6;
   send(0);
   ASSERT_TRUE(becomes_true([&] { return entered.try_acquire(); }, within(30)));
   for (int64_t pulse = 1; pulse < kPulses; ++pulse) send(pulse);
-  ASSERT_TRUE(becomes_true([&] { return pipeline_->counts().waiting == kPulses - 1; }, within(30)));
+  const bool all_wait = waits(kPulses - 1);
   go.release(kPulses);
+  ASSERT_TRUE(all_wait);
   ASSERT_TRUE(becomes_true([&] { return pipeline_->counts().meshes == kPulses; }, within(30)));
   EXPECT_TRUE(pipeline_->close());
-  EXPECT_EQ(passes, (std::vector<int>{2, 0, 0, 0, 0, 1}));
-  EXPECT_EQ(pipeline_->counts().by_passes, (std::vector<int64_t>{4, 1, 1}));
+  EXPECT_EQ(passes_, (std::vector<int>{2, 0, 0, 0, 0, 2}));
+  EXPECT_EQ(pipeline_->counts().by_passes, (std::vector<int64_t>{4, 0, 2}));
   EXPECT_EQ(pipeline_->counts().dropped, 0);
+}
+
+TEST_F(DeformingPipeline, stops_between_two_passes_when_a_set_arrives) {
+  begin_deforming(
+      [this](int64_t pulse, int pass) {
+        if (pulse > 0 || pass == 0) return;
+        send(1);
+        EXPECT_TRUE(waits(1));
+      },
+      [] {});
+  send(0);
+  ASSERT_TRUE(becomes_true([&] { return pipeline_->counts().meshes == 2; }, within(60)));
+  EXPECT_TRUE(pipeline_->close());
+  EXPECT_EQ(passes_, (std::vector<int>{1, 2}));
+  EXPECT_EQ(pipeline_->counts().by_passes, (std::vector<int64_t>{0, 1, 1}));
 }
 
 TEST_F(ReconPipelineOnBus, drops_whole_pulses_while_a_stage_is_slow_and_counts_them) {

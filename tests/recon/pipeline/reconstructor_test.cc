@@ -282,6 +282,25 @@ TEST(Reconstructor, of_medium_quality_returns_the_same_bytes_for_the_same_passes
   EXPECT_NE(medium_with(0, 1, set).compact, medium_with(1, 1, set).compact);
 }
 
+TEST(Reconstructor, states_the_passes_before_a_stop_and_repeats_them_to_the_same_bytes) {
+  const FrameSet set = photograph(two_coloured_ball(), ring(9));
+  ReconstructOptions opts = options();
+  opts.quality = Quality::kMedium;
+  for (int allowed = 0; allowed <= kLivePasses; ++allowed) {
+    Reconstructor reconstructor(ring(9), opts);
+    FrameSetJob work(set);
+    work.live_passes = kLivePasses;
+    int asked = 0;
+    work.may_run_pass = [&] { return asked++ < allowed; };
+    reconstructor.make_mesh(work);
+    reconstructor.encode(work);
+    EXPECT_EQ(work.result.live_passes, allowed);
+    EXPECT_EQ(asked, std::min(allowed + 1, kLivePasses)) << "once before each pass";
+    EXPECT_EQ(decode_compact(work.result.compact)->live_passes, allowed);
+    EXPECT_EQ(work.result.compact, medium_with(allowed, 1, set).compact) << allowed << " passes";
+  }
+}
+
 TEST(Reconstructor, is_independent_of_the_previous_set) {
   const Rig rig = ring(9);
   const FrameSet ball = photograph(two_coloured_ball(), rig);

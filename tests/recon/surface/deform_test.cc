@@ -327,6 +327,19 @@ TEST(LiveDeformer, returns_vertices_on_the_lattice_after_any_number_of_passes) {
   }
 }
 
+TEST(LiveDeformer, stops_between_passes_and_returns_those_that_make_the_same_mesh) {
+  for (int allowed = 0; allowed < kLivePasses; ++allowed) {
+    Mesh mesh = hull_on_lattice();
+    int asked = 0;
+    const int passes =
+        LiveDeformer({.voxel_m = kEdge, .lattice = kLiveLattice})
+            .run(studio().before(mesh), kLivePasses, mesh, [&] { return asked++ < allowed; });
+    EXPECT_EQ(passes, allowed + 1) << "the first pass runs without a question";
+    EXPECT_EQ(asked, std::min(allowed + 1, kLivePasses - 1));
+    EXPECT_EQ(mesh.vertices, live_deformed(passes).vertices) << passes << " passes";
+  }
+}
+
 TEST(LiveDeformer, returns_the_same_bits_for_any_threads_and_after_any_other_mesh) {
   const Mesh expected = live_deformed(kLivePasses);
   for (const int threads : {1, 3}) {
