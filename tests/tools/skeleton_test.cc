@@ -100,6 +100,43 @@ TEST(SkeletonFiles, have_one_row_for_each_pulse_and_three_columns_for_each_joint
   EXPECT_THAT(row, HasSubstr("3\t0.480000\t1.000000\t0.930000\t-2.000000"));
 }
 
+/// The fields of a line, between tabs.
+std::vector<std::string> fields_of(const std::string& line) {
+  std::vector<std::string> fields;
+  std::istringstream in(line);
+  for (std::string field; std::getline(in, field, '\t');) fields.push_back(field);
+  return fields;
+}
+
+/// The header in OpenSim's documentation, "Marker (.trc) files". Pose2Sim takes the names of
+/// markers from every third field after the second one of the fourth line.
+TEST(SkeletonFiles, have_every_field_of_the_header_that_opensim_documents_as_trc) {
+  TakeSkeleton skeleton = turning(3);
+  skeleton.pulses[2] = 13;  // pulse 12 has no mesh
+  std::istringstream in(skeleton_trc(skeleton, "a.trc"));
+  std::vector<std::vector<std::string>> lines;
+  for (std::string line; std::getline(in, line);) lines.push_back(fields_of(line));
+  ASSERT_EQ(lines.size(), 6U + 3U);
+  EXPECT_EQ(lines[0], (std::vector<std::string>{"PathFileType", "4", "(X/Y/Z)", "a.trc"}));
+  EXPECT_EQ(lines[1],
+            (std::vector<std::string>{"DataRate", "CameraRate", "NumFrames", "NumMarkers", "Units",
+                                      "OrigDataRate", "OrigDataStartFrame", "OrigNumFrames"}));
+  EXPECT_EQ(lines[2], (std::vector<std::string>{"25", "25", "3", "15", "m", "25", "1", "3"}));
+  EXPECT_EQ(lines[3][0], "Frame#");
+  EXPECT_EQ(lines[3][1], "Time");
+  for (size_t j = 0; j < 15; ++j) {
+    const std::string number = std::to_string(j + 1);
+    EXPECT_EQ(lines[3].at(2 + 3 * j), recon::name(static_cast<recon::Joint>(j)));
+    EXPECT_EQ(lines[4].at(2 + 3 * j), "X" + number);
+    EXPECT_EQ(lines[4].at(3 + 3 * j), "Y" + number);
+    EXPECT_EQ(lines[4].at(4 + 3 * j), "Z" + number);
+  }
+  EXPECT_TRUE(lines[5].empty());
+  for (size_t n = 0; n < 3; ++n) EXPECT_EQ(lines[6 + n].size(), 2U + 3 * 15);
+  EXPECT_EQ(lines[8][0], "3");
+  EXPECT_EQ(lines[8][1], "0.520000") << "the time of the pulse";
+}
+
 TEST(SkeletonFiles, turn_the_root_of_a_bvh_file_about_its_vertical_axis) {
   const std::string text = skeleton_bvh(turning(2));
   EXPECT_THAT(text, HasSubstr("ROOT pelvis"));
