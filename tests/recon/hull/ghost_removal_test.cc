@@ -2,11 +2,14 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <numbers>
+#include <random>
 #include <vector>
 
 #include "recon/hull/intersect.h"
+#include "recon/render/renderer.h"
 #include "recon/shapes.h"
 #include "recon/volumes.h"
 
@@ -110,6 +113,70 @@ TEST(GhostRemoval, keeps_small_objects_in_front_of_a_performer_for_some_cameras)
   const std::vector<CameraModel> cameras = ring(8, 1);
   SparseVolume volume = volume_of({{{0, 0, 0}, 0.2}, {{0.3, 0.1, 0.05}, 0.03}});
   EXPECT_EQ(remove_ghosts(volume, cameras), 0);
+}
+
+/// Makes one of 200 pixels wrong.
+void add_noise(Mask& mask, std::mt19937& random) {
+  std::bernoulli_distribution is_wrong(0.005);
+  for (int y = 0; y < mask.size().height; ++y) {
+    for (int x = 0; x < mask.size().width; ++x) {
+      if (is_wrong(random)) mask.set(x, y, !mask.get(x, y));
+    }
+  }
+}
+
+/// The number of voxels in a part of the space, metres.
+int64_t count_in(const SparseVolume& volume, const Eigen::Vector3d& low,
+                 const Eigen::Vector3d& high) {
+  int64_t count = 0;
+  for (int k = 0; k < kGrid.counts[2]; ++k) {
+    for (int j = 0; j < kGrid.counts[1]; ++j) {
+      for (int i = 0; i < kGrid.counts[0]; ++i) {
+        const Eigen::Vector3d p = kGrid.center(i, j, k);
+        const bool is_inside = (p.array() > low.array()).all() && (p.array() < high.array()).all();
+        count += is_inside && volume.get(i, j, k) ? 1 : 0;
+      }
+    }
+  }
+  return count;
+}
+
+TEST(GhostRemoval, keeps_the_pieces_of_a_rendered_blade_whose_silhouettes_have_wrong_pixels) {
+  const std::vector<CameraModel> cameras = ring(8, 1);
+  Mesh scene = shapes::sphere({0, 0, -0.1F}, 0.2F, 24);  // performer
+  shapes::append(scene, shapes::box({0.1F, -0.015F, 0.3F}, {0.3F, 0.015F, 0.33F}));
+  shapes::append(scene, shapes::box({0.36F, -0.015F, 0.3F}, {0.56F, 0.015F, 0.33F}));
+  std::vector<Mask> masks = draw_silhouettes(scene, cameras);
+  std::mt19937 random(1);
+  std::vector<const Mask*> pointers;
+  for (Mask& mask : masks) {
+    add_noise(mask, random);
+    pointers.push_back(&mask);
+  }
+  SparseVolume volume = Intersector(kGrid, cameras, 2).intersect(pointers);
+  ASSERT_GE(component_count(volume), 3U) << "the performer and two pieces";
+  const auto pieces = [&] {
+    return std::array{count_in(volume, {0.1, -0.1, 0.2}, {0.33, 0.1, 0.4}),
+                      count_in(volume, {0.33, -0.1, 0.2}, {0.6, 0.1, 0.4})};
+  };
+  const auto before = pieces();
+  remove_ghosts(volume, cameras);
+  const auto after = pieces();
+  for (size_t n = 0; n < before.size(); ++n) {
+    EXPECT_GT(before[n], 50) << n;
+    EXPECT_GE(after[n], 9 * before[n] / 10) << n;
+  }
+}
+
+TEST(GhostRemoval, keeps_a_second_performer_of_whom_the_space_holds_eight_litres) {
+  const std::vector<CameraModel> cameras = ring(8, 1);
+  SparseVolume volume = volume_of({{{0.2, 0, 0}, 0.2}, {{-0.6, 0, 0}, 0.155}});
+  const SparseVolume before = volume;
+  const int64_t second = count_in(volume, {-0.6, -0.6, -0.6}, {-0.3, 0.6, 0.6});
+  EXPECT_LT(static_cast<double>(second) * kGrid.voxel_volume_m3(), GhostOptions().max_volume_m3)
+      << "its volume alone does not keep it";
+  EXPECT_EQ(remove_ghosts(volume, cameras), 0);
+  EXPECT_EQ(volume, before);
 }
 
 /// A hollow ball of 30 cm with a speck inside. No line of sight reaches the speck except those of
