@@ -6,6 +6,7 @@
 #include <tbb/task_arena.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "base/geometry/rigid_transform.h"
@@ -14,10 +15,14 @@
 namespace v3d::recond {
 namespace {
 
+/// How often a paused thread checks whether it may continue.
+constexpr Duration kPollPeriod = std::chrono::milliseconds(5);
+
 /// Sets the scheduling policy of a thread. False when the process may not.
 ///
-/// SCHED_IDLE needs no permission. A higher priority costs live meshes: with nice 15 all the time,
-/// tools/demo on two cores kept 25 pulses a second in 1 of 4 runs, with SCHED_IDLE in 3 of 3.
+/// SCHED_IDLE needs no permission, except under the filter of v3d-recond@.service. A higher
+/// priority costs live meshes: with nice 15 all the time, tools/demo on two cores kept 25 pulses a
+/// second in 1 of 4 runs, with SCHED_IDLE in 3 of 3.
 bool set_policy(pthread_t thread, int policy) {
   const sched_param none{};
   return pthread_setschedparam(thread, policy, &none) == 0;
@@ -35,6 +40,7 @@ DisplacementMonitor::DisplacementMonitor(const Rig& rig, const recon::Reconstruc
   if (rig_.size() < kMinCameras) return;
   for (const RigCamera& camera : rig_)
     views_.push_back(recon::bounds_mask(options.bounds, camera.model));
+  hulls_.set_pause([this] { pause_while_reconstructing(); });
   stopped_ = false;
   thread_ = std::thread([this] {
     run();
@@ -85,13 +91,32 @@ const std::vector<recon::CameraDisplacement>& DisplacementMonitor::result() {
 }
 
 void DisplacementMonitor::raise_priority_if_starved(MonotonicInstant now) {
-  if (raised_ || now - busy_since_ < starved_after_) return;
+  if (!may_idle_ || raised_ || now - busy_since_ < starved_after_) return;
   raised_ = set_policy(thread_.native_handle(), SCHED_OTHER);
+}
+
+/// Without idle priority: called by the thread before each hull, some milliseconds of work.
+void DisplacementMonitor::pause_while_reconstructing() {
+  if (may_idle_) return;
+  const MonotonicInstant begin = Monotonic::now();
+  std::unique_lock lock(mutex_);
+  const MonotonicInstant latest =
+      std::max(busy_since_ + starved_after_, begin + kRestPerWork * (begin - resumed_));
+  while (!stopping_ && sets_in_progress_ > 0 && Monotonic::now() < latest) {
+    paused_ = true;
+    changed_.wait_for(lock, kPollPeriod);
+  }
+  paused_ = false;
+  resumed_ = Monotonic::now();
 }
 
 void DisplacementMonitor::run() {
   setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kStarvedNice);  // has no effect while idle
-  set_policy(pthread_self(), SCHED_IDLE);
+  {
+    const bool may_idle = set_policy(pthread_self(), SCHED_IDLE);
+    const std::lock_guard lock(mutex_);
+    may_idle_ = may_idle;
+  }
   tbb::task_arena one_thread(1);
   for (;;) {
     Masks masks;
@@ -106,6 +131,7 @@ void DisplacementMonitor::run() {
 }
 
 void DisplacementMonitor::measure(const Masks& sample) {
+  resumed_ = Monotonic::now();
   std::vector<Mask> masks(sample.size());
   std::vector<const Mask*> all(sample.size(), nullptr);
   for (size_t c = 0; c < sample.size(); ++c) {

@@ -230,6 +230,8 @@ void ReconNode::open(const wire::CommandMessage& command, std::optional<int64_t>
           .repair = repair_setup(rig, options),
           .live_passes = recon.quality == Quality::kMedium ? options.live_passes : 0,
           .performers = recon.performers,
+          .on_set_begins = [this] { displacement_monitor_->begin_set(); },
+          .on_set_ends = [this] { displacement_monitor_->end_set(); },
           .on_finished_set = [this](recon::FrameSet& set) { displacement_monitor_->offer(set); },
           .resume_at = resume_at,
           .shard = shard_setup(command, resume_at.has_value())},

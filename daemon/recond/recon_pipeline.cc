@@ -43,6 +43,8 @@ ReconPipeline::ReconPipeline(Setup setup, bus::Bus& bus)
       cameras_(setup.sets.cameras),
       bus_(bus),
       stages_(std::move(setup.stages)),
+      on_set_begins_(std::move(setup.on_set_begins)),
+      on_set_ends_(std::move(setup.on_set_ends)),
       on_finished_set_(std::move(setup.on_finished_set)),
       file_(setup.mesh_file,
             setup.resume_at ? take::LogOpening::kContinue : take::LogOpening::kNew),
@@ -63,7 +65,14 @@ ReconPipeline::ReconPipeline(Setup setup, bus::Bus& bus)
       labeller_(setup.performers ? std::make_unique<recon::PerformerLabeller>() : nullptr),
       shared_(make_shared_take(setup.shard)),
       pipeline_(setup.threads, [this] { return next_job(); },
-                {[this](Job& job) { make_mesh(job); }, [this](Job& job) { finish(job); }}) {
+                {[this](Job& job) {
+                   on_set_begins_();
+                   make_mesh(job);
+                 },
+                 [this](Job& job) {
+                   finish(job);
+                   on_set_ends_();
+                 }}) {
   plausible_.add(setup.resume_at.value_or(0), Monotonic::now());
   assembling_thread_ = std::thread([this] { assemble(); });
 }

@@ -92,6 +92,10 @@ class ReconPipeline {
     /// Labels the vertices of the meshes with their performers, in the last stage. Requires a take
     /// that is not shared. Identities begin with 1, also in a resumed take.
     bool performers = false;
+    /// Called when a set enters the stages, and when it has left them, with or without a mesh. By
+    /// several threads.
+    std::function<void()> on_set_begins = [] {};
+    std::function<void()> on_set_ends = [] {};
     /// Receives every set whose mesh was published, with its silhouettes before the repair, and may
     /// modify it. Called by the last stage.
     std::function<void(recon::FrameSet&)> on_finished_set{};
@@ -158,6 +162,8 @@ class ReconPipeline {
   const std::vector<std::string> cameras_;
   bus::Bus& bus_;
   const MeshStages stages_;
+  const std::function<void()> on_set_begins_;
+  const std::function<void()> on_set_ends_;
   const std::function<void(recon::FrameSet&)> on_finished_set_;
   take::MeshFileWriter file_;
   const int64_t meshes_before_;         ///< in the file of a resumed take

@@ -44,6 +44,7 @@ std::vector<Mask> LeaveOneOutHull::silhouettes_of_each(std::span<const Mask* con
 }
 
 const SparseVolume& LeaveOneOutHull::volume(std::span<const Mask* const> masks) {
+  pause_();
   intersector_.intersect(masks, volume_);
   return volume_;
 }

@@ -2,7 +2,9 @@
 // should see.
 #pragma once
 
+#include <functional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "base/geometry/camera_model.h"
@@ -27,6 +29,8 @@ class LeaveOneOutHull {
   LeaveOneOutHull(const Rig& rig, const Box& bounds, double voxel_m, int min_views);
 
   const VoxelGrid& grid() const { return grid_; }
+  /// `pause` is called before each hull, by the thread that asked for it. It may wait.
+  void set_pause(std::function<void()> pause) { pause_ = std::move(pause); }
 
   /// The hull of all masks except that of `camera`. `masks` has one entry per camera of the rig,
   /// null where a camera takes no part.
@@ -51,6 +55,7 @@ class LeaveOneOutHull {
   std::vector<const Mask*> others_;
   SparseVolume volume_;
   Mesh surface_;
+  std::function<void()> pause_ = [] {};
 };
 
 }  // namespace v3d::recon

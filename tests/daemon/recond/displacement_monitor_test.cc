@@ -1,12 +1,20 @@
 #include "daemon/recond/displacement_monitor.h"
 
 #include <gtest/gtest.h>
+#include <linux/filter.h>
+#include <linux/seccomp.h>
 #include <pthread.h>
 #include <sched.h>
+#include <sys/prctl.h>
+#include <sys/syscall.h>
 
+#include <array>
+#include <cerrno>
 #include <cmath>
+#include <cstddef>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <iterator>
 #include <numbers>
 #include <sstream>
@@ -137,6 +145,80 @@ TEST(DisplacementMonitor, raises_its_priority_on_a_busy_machine_until_it_has_a_r
   }
   EXPECT_TRUE(offered_until([&] { return !monitor.result().empty(); }));
   EXPECT_TRUE(becomes_true([] { return idle_priority_threads() == 1; }, within(60)));
+}
+
+/// Threads that this thread starts from now on cannot set a priority, as under v3d-recond@.service.
+bool forbid_priorities() {
+  std::array<sock_filter, 5> filter{
+      sock_filter BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(seccomp_data, nr)),
+      sock_filter BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_sched_setscheduler, 1, 0),
+      sock_filter BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_setpriority, 0, 1),
+      sock_filter BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | EPERM),
+      sock_filter BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW)};
+  const sock_fprog program{static_cast<unsigned short>(filter.size()), filter.data()};
+  return prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 &&
+         prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) == 0;
+}
+
+/// Passes a monitor whose thread has normal priority to `test`.
+void with_normal_priority(Duration starved_after,
+                          const std::function<void(DisplacementMonitor&)>& test) {
+  std::thread([&] {
+    ASSERT_TRUE(forbid_priorities());
+    DisplacementMonitor monitor(ring_of(DisplacementMonitor::kMinCameras), in_a_small_space(),
+                                starved_after);
+    test(monitor);
+  }).join();
+}
+
+bool gets_a_result(DisplacementMonitor& monitor) {
+  const Rig rig = ring_of(DisplacementMonitor::kMinCameras);
+  return becomes_true(
+      [&] {
+        recon::FrameSet set = seen_by(rig);
+        monitor.offer(set);
+        return !monitor.result().empty();
+      },
+      within(120));
+}
+
+TEST(DisplacementMonitor, pauses_while_a_set_is_reconstructed_where_idle_priority_is_forbidden) {
+  with_normal_priority(std::chrono::hours(1), [](DisplacementMonitor& monitor) {
+    monitor.begin_set();
+    recon::FrameSet set = seen_by(ring_of(DisplacementMonitor::kMinCameras));
+    EXPECT_TRUE(becomes_true(
+        [&] {
+          monitor.offer(set);
+          return monitor.is_paused();
+        },
+        within(60)));
+    EXPECT_EQ(idle_priority_threads(), 0);
+    monitor.end_set();
+    EXPECT_TRUE(gets_a_result(monitor));
+    EXPECT_FALSE(monitor.is_paused());
+  });
+}
+
+TEST(DisplacementMonitor, has_a_result_although_sets_are_always_reconstructed) {
+  with_normal_priority(std::chrono::milliseconds(50), [](DisplacementMonitor& monitor) {
+    monitor.begin_set();
+    EXPECT_TRUE(gets_a_result(monitor));
+  });
+}
+
+TEST(DisplacementMonitor, stops_while_it_is_paused) {
+  with_normal_priority(std::chrono::hours(1), [](DisplacementMonitor& monitor) {
+    monitor.begin_set();
+    recon::FrameSet set = seen_by(ring_of(DisplacementMonitor::kMinCameras));
+    ASSERT_TRUE(becomes_true(
+        [&] {
+          monitor.offer(set);
+          return monitor.is_paused();
+        },
+        within(60)));
+    monitor.stop();
+    EXPECT_TRUE(becomes_true([&] { return monitor.has_stopped(); }, within(60)));
+  });
 }
 
 TEST(DisplacementMonitor, stops_without_waiting_and_takes_no_more_masks) {

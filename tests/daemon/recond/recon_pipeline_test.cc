@@ -80,6 +80,35 @@ TEST_F(ReconPipelineOnBus, reports_the_latency_of_its_meshes_since_the_edges_of_
   EXPECT_LE(counts.latency_p99_ms, ms_since(earlier));
 }
 
+TEST_F(ReconPipelineOnBus, reports_the_end_of_each_set_with_or_without_a_mesh) {
+  std::atomic<int> began = 0, ended = 0;
+  pipeline_.emplace(ReconPipeline::Setup{.take = "kendo-07",
+                                         .mesh_file = folder_ / "mesh.v3d",
+                                         .stages = {.make_mesh =
+                                                        [&](recon::FrameSetJob& work) {
+                                                          EXPECT_GT(began, ended);
+                                                          name_pulse(work);
+                                                        },
+                                                    .encode =
+                                                        [&](recon::FrameSetJob& work) {
+                                                          EXPECT_GT(began, ended);
+                                                          if (work.set.pulse == 1)
+                                                            throw InputError("too large");
+                                                          write_pulse(work);
+                                                        }},
+                                         .threads = 2,
+                                         .sets = {.cameras = {"cam01"}},
+                                         .warm_up = recon::FrameSet{.pulse = -7, .frames = {}},
+                                         .on_set_begins = [&] { ++began; },
+                                         .on_set_ends = [&] { ++ended; }},
+                    bus_);
+  for (int64_t pulse = 0; pulse < 3; ++pulse) send(pulse);
+  ASSERT_TRUE(becomes_true([&] { return pipeline_->counts().meshes == 2; }, within(30)));
+  EXPECT_TRUE(pipeline_->close());
+  EXPECT_EQ(began, 4);
+  EXPECT_EQ(ended, 4);
+}
+
 TEST_F(ReconPipelineOnBus, warms_up_first_without_a_mesh) {
   constexpr int64_t kBegin = -1;
   std::vector<int64_t> encoded;

@@ -84,6 +84,14 @@ TEST_F(LeaveOneOut, predicts_a_silhouette_that_contains_the_true_one) {
   }
 }
 
+TEST_F(LeaveOneOut, pauses_before_each_hull) {
+  LeaveOneOutHull hull(rig_, kSpace, kVoxel, kMinViews);
+  int pauses = 0;
+  hull.set_pause([&] { ++pauses; });
+  hull.silhouettes_of_each(views_);
+  EXPECT_EQ(pauses, std::ssize(views_));
+}
+
 TEST_F(LeaveOneOut, skips_cameras_without_a_mask) {
   views_[2] = nullptr;
   LeaveOneOutHull hull = this->hull();
