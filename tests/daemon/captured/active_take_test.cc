@@ -210,6 +210,18 @@ TEST_F(TakeOfTheTriggersNode, is_moved_to_the_quarantine_without_a_pulse) {
               testing::HasSubstr("moved to " + place.string()));
 }
 
+TEST_F(TakeOfTheTriggersNode, stays_without_a_pulse_when_its_folder_has_a_frame) {
+  const auto take = started(wire::CommandVerb::kArm);
+  const auto log = paths().folder / "cam77.lcmlog";  // which the ledger does not name
+  test::write_text(log, "x");
+  const TakeResult result = take->close();
+  EXPECT_EQ(result.ledger.commanded, 0);
+  EXPECT_EQ(result.close_report.error, "");
+  EXPECT_EQ(result.close_report.quarantine_notice, "");
+  EXPECT_TRUE(exists(paths().info()));
+  EXPECT_TRUE(exists(log));
+}
+
 TEST_F(TakeOfTheTriggersNode, records_nothing_when_it_is_a_check) {
   const auto take = started(wire::CommandVerb::kCheck);
   EXPECT_TRUE(take->has_ledger());
