@@ -94,7 +94,7 @@ std::vector<int16_t> normal_quantiles(double standard_deviation) {
   for (int i = 0; i < kNoiseSteps; ++i) {
     const double probability = (i + 0.5) / kNoiseSteps;
     double low = -6, high = 6;
-    for (int round = 0; round < 40; ++round) {
+    for (int halving = 0; halving < 40; ++halving) {
       const double middle = 0.5 * (low + high);
       (0.5 * std::erfc(-middle * M_SQRT1_2) < probability ? low : high) = middle;
     }

@@ -323,13 +323,13 @@ void choose_greedily(const std::vector<Candidate>& candidates, size_t count, dou
   }
 }
 
-/// Exchanges cameras from index `first` on until no exchange gains, at most `rounds` times each.
-/// Returns the number of exchanges.
-int exchange_all(const std::vector<Candidate>& candidates, size_t first, int rounds,
+/// Exchanges cameras from index `first` on until no exchange gains, at most `max_passes` times
+/// each. Returns the number of exchanges.
+int exchange_all(const std::vector<Candidate>& candidates, size_t first, int max_passes,
                  double separation, Selection& selection, std::vector<Candidate>& chosen) {
   int exchanges = 0;
   bool changed = true;
-  for (int round = 0; changed && round < rounds; ++round) {
+  for (int pass = 0; changed && pass < max_passes; ++pass) {
     changed = false;
     for (size_t i = first; i < chosen.size(); ++i) {
       if (!exchange(candidates, selection, chosen, i, separation)) continue;

@@ -86,7 +86,7 @@ struct PlacementOptions {
   CandidateLenses lens;
   MountOptions mounts;
   double separation_m = kSeparationM;  ///< between two cameras
-  int max_exchanges = 4;               ///< rounds over all cameras
+  int max_exchanges = 4;               ///< passes over all cameras
 };
 
 struct CameraPlacement {
