@@ -3,7 +3,6 @@
 #include <poll.h>
 #include <sys/socket.h>
 #include <sys/un.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -93,18 +92,14 @@ TriggerCableClient::TriggerCableClient(const std::filesystem::path& path) {
                      std::to_string(sizeof(address.sun_path) - 1) + " characters");
   }
   std::memcpy(address.sun_path, name.data(), name.size());
-  fd_ = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-  if (fd_ < 0 || connect(fd_, reinterpret_cast<sockaddr*>(&address), sizeof(address)) != 0) {
-    const std::string cause = errno_message("trigger wire " + name);
-    if (fd_ >= 0) close(fd_);
-    throw InputError(cause + "; is the simulated studio running?");
+  fd_.reset(socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  if (!fd_ || connect(fd_.get(), reinterpret_cast<sockaddr*>(&address), sizeof(address)) != 0) {
+    throw InputError(errno_message("trigger wire " + name) + "; is the simulated studio running?");
   }
 }
 
-TriggerCableClient::~TriggerCableClient() { close(fd_); }
-
 bool TriggerCableClient::send(const TriggerEdge& edge) {
-  if (!disconnected_ && ::send(fd_, &edge, sizeof(edge), MSG_NOSIGNAL) != sizeof(edge)) {
+  if (!disconnected_ && ::send(fd_.get(), &edge, sizeof(edge), MSG_NOSIGNAL) != sizeof(edge)) {
     disconnected_ = true;
   }
   return !disconnected_;
@@ -112,7 +107,7 @@ bool TriggerCableClient::send(const TriggerEdge& edge) {
 
 std::optional<TriggerEdge> TriggerCableClient::receive_now() {
   TriggerEdge edge;
-  const ssize_t n = recv(fd_, &edge, sizeof(edge), MSG_TRUNC);
+  const ssize_t n = recv(fd_.get(), &edge, sizeof(edge), MSG_TRUNC);
   if (n == sizeof(edge)) return edge;
   // End of file, errors and packets of another size mean that the cable cannot be used.
   const bool nothing_there = n < 0 && (errno == EAGAIN || errno == EINTR);
@@ -126,7 +121,7 @@ std::optional<TriggerEdge> TriggerCableClient::receive(MonotonicInstant deadline
     const Duration left = deadline - Monotonic::now();
     if (disconnected_ || left <= Duration::zero()) break;
     const timespec timeout = to_timespec(left);
-    pollfd readable{fd_, POLLIN, 0};
+    pollfd readable{fd_.get(), POLLIN, 0};
     ppoll(&readable, 1, &timeout, nullptr);
   }
   return {};

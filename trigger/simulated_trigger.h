@@ -9,6 +9,7 @@
 
 #include "base/config/studio_values.h"
 #include "base/core/time.h"
+#include "base/io/unique_fd.h"
 #include "trigger/paced_train.h"
 #include "trigger/pulse_generator.h"
 
@@ -22,7 +23,6 @@ class TriggerCableClient {
  public:
   /// Throws InputError when no server listens at `path` or the path is too long.
   explicit TriggerCableClient(const std::filesystem::path& path);
-  ~TriggerCableClient();
   TriggerCableClient(const TriggerCableClient&) = delete;
   TriggerCableClient& operator=(const TriggerCableClient&) = delete;
 
@@ -38,7 +38,7 @@ class TriggerCableClient {
   /// Receives one edge without waiting.
   std::optional<TriggerEdge> receive_now();
 
-  int fd_ = -1;
+  io::UniqueFd fd_;
   std::atomic<bool> disconnected_ = false;
 };
 

@@ -15,7 +15,6 @@
 
 #include "base/core/error.h"
 #include "base/io/process.h"
-#include "base/io/unique_fd.h"
 
 namespace v3d {
 namespace {
@@ -80,26 +79,23 @@ ProcessStream::ProcessStream(const std::vector<std::string>& words, End end) {
   if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, channel) != 0) {
     throw std::runtime_error(errno_message("socketpair"));
   }
+  fd_.reset(channel[0]);
+  const io::UniqueFd of_child(channel[1]);
   SpawnOptions options{.errors = STDERR_FILENO, .on_path = true};
-  (end == End::kStdin ? options.input : options.output) = channel[1];
+  (end == End::kStdin ? options.input : options.output) = of_child.get();
   child_ = spawn_process(words, options);
-  const std::string problem = errno_message("cannot run " + words.front());
-  close(channel[1]);
-  fd_ = channel[0];
-  if (child_ >= 0) return;
-  close(fd_);
-  throw InputError(problem);
+  if (child_ < 0) throw InputError(errno_message("cannot run " + words.front()));
 }
 
 ProcessStream::~ProcessStream() {
   if (child_ < 0) return;
-  close(fd_);
+  fd_.reset();
   kill_process(child_);
 }
 
 bool ProcessStream::write(std::span<const uint8_t> bytes) const {
   while (!bytes.empty()) {
-    const ssize_t n = send(fd_, bytes.data(), bytes.size(), MSG_NOSIGNAL);
+    const ssize_t n = send(fd_.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
     if (n < 0 && errno == EINTR) continue;
     if (n <= 0) return false;
     bytes = bytes.subspan(static_cast<size_t>(n));
@@ -109,7 +105,7 @@ bool ProcessStream::write(std::span<const uint8_t> bytes) const {
 
 bool ProcessStream::read(std::span<uint8_t> bytes) const {
   while (!bytes.empty()) {
-    const ssize_t n = ::read(fd_, bytes.data(), bytes.size());
+    const ssize_t n = ::read(fd_.get(), bytes.data(), bytes.size());
     if (n < 0 && errno == EINTR) continue;
     if (n <= 0) return false;
     bytes = bytes.subspan(static_cast<size_t>(n));
@@ -118,7 +114,7 @@ bool ProcessStream::read(std::span<uint8_t> bytes) const {
 }
 
 int ProcessStream::finish() {
-  close(fd_);
+  fd_.reset();
   return wait_for_process(std::exchange(child_, -1));
 }
 
@@ -135,18 +131,13 @@ pid_t spawn_program(const std::vector<std::string>& arguments, int output, int e
                                    .environment = {{"PATH=/usr/bin:/bin", "LC_ALL=C.UTF-8"}}});
 }
 
-void ChildProgram::Pipe::close() {
-  if (fd >= 0) ::close(fd);
-  fd = -1;
-}
-
 void ChildProgram::Pipe::read_into(std::string& text) {
   std::array<char, 4096> part{};
-  while (fd >= 0) {
-    const ssize_t got = read(fd, part.data(), part.size());
+  while (fd) {
+    const ssize_t got = read(fd.get(), part.data(), part.size());
     if (got < 0 && errno == EINTR) continue;
     if (got < 0 && errno == EAGAIN) return;
-    if (got <= 0) return close();
+    if (got <= 0) return fd.reset();
     text.append(part.data(), std::min(static_cast<size_t>(got), kMaxOutput - text.size()));
   }
 }
@@ -158,22 +149,20 @@ ChildProgram::ChildProgram(const std::vector<std::string>& arguments, MonotonicI
   if (pipe2(output.data(), O_CLOEXEC) == 0 && pipe2(errors.data(), O_CLOEXEC) == 0) {
     child_ = spawn_program(arguments, output[1], errors[1]);
   }
+  output_.fd.reset(output[0]);
+  errors_.fd.reset(errors[0]);
+  const io::UniqueFd output_of_child(output[1]), errors_of_child(errors[1]);
   if (child_ < 0) {
     end_ = {.status = kCannotRun, .errors = errno_message("cannot run " + arguments.front())};
   }
-  for (const int fd : {output[1], errors[1]}) {
-    if (fd >= 0) ::close(fd);
-  }
-  output_.fd = output[0];
-  errors_.fd = errors[0];
-  for (const int fd : {output_.fd, errors_.fd}) {
+  for (const int fd : {output[0], errors[0]}) {
     if (fd >= 0) fcntl(fd, F_SETFL, O_NONBLOCK);
   }
 }
 
 ChildProgram::~ChildProgram() {
-  output_.close();
-  errors_.close();
+  output_.fd.reset();
+  errors_.fd.reset();
   kill_process(child_);
 }
 

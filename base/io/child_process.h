@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "base/core/time.h"
+#include "base/io/unique_fd.h"
 
 namespace v3d {
 
@@ -60,7 +61,7 @@ class ProcessStream {
 
  private:
   pid_t child_ = -1;
-  int fd_ = -1;
+  io::UniqueFd fd_;
 };
 
 // A child process with captured output and a deadline.
@@ -95,9 +96,8 @@ class ChildProgram {
 
  private:
   struct Pipe {
-    int fd = -1;
+    io::UniqueFd fd;
     void read_into(std::string& text);
-    void close();
   };
   void enforce_deadline(MonotonicInstant now);
 

@@ -5,7 +5,6 @@
 #include <poll.h>
 #include <sys/ioctl.h>
 #include <sys/mman.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -16,6 +15,7 @@
 
 #include "base/config/v4l2_address.h"
 #include "base/core/error.h"
+#include "base/io/unique_fd.h"
 
 namespace v3d::capture {
 namespace {
@@ -184,10 +184,9 @@ namespace {
 
 class KernelDevice : public V4l2Device {
  public:
-  explicit KernelDevice(int fd) : fd_(fd) {}
+  explicit KernelDevice(io::UniqueFd fd) : fd_(std::move(fd)) {}
   ~KernelDevice() override {
     for (const Mapping& m : mappings_) munmap(m.data, m.bytes);
-    close(fd_);
   }
   KernelDevice(const KernelDevice&) = delete;
   KernelDevice& operator=(const KernelDevice&) = delete;
@@ -195,19 +194,19 @@ class KernelDevice : public V4l2Device {
   int control(unsigned long request, void* argument) override {
     int result = 0;
     do {
-      result = ioctl(fd_, request, argument);
+      result = ioctl(fd_.get(), request, argument);
     } while (result < 0 && errno == EINTR);
     return result < 0 ? errno : 0;
   }
 
   bool wait(MonotonicInstant deadline) override {
     const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - Monotonic::now());
-    pollfd device{.fd = fd_, .events = POLLIN, .revents = 0};
+    pollfd device{.fd = fd_.get(), .events = POLLIN, .revents = 0};
     return poll(&device, 1, static_cast<int>(std::max<int64_t>(left.count(), 0))) > 0;
   }
 
   std::span<const uint8_t> map(size_t bytes, uint32_t offset) override {
-    void* data = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, fd_, offset);
+    void* data = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, fd_.get(), offset);
     if (data == MAP_FAILED) return {};
     mappings_.push_back({data, bytes});
     return {static_cast<const uint8_t*>(data), bytes};
@@ -218,15 +217,15 @@ class KernelDevice : public V4l2Device {
     void* data;
     size_t bytes;
   };
-  const int fd_;
+  const io::UniqueFd fd_;
   std::vector<Mapping> mappings_;
 };
 
 }  // namespace
 
 std::unique_ptr<V4l2Device> open_v4l2_device(const std::string& path) {
-  const int fd = open(path.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC);
-  return fd < 0 ? nullptr : std::make_unique<KernelDevice>(fd);
+  io::UniqueFd fd(open(path.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC));
+  return fd ? std::make_unique<KernelDevice>(std::move(fd)) : nullptr;
 }
 
 }  // namespace v3d::capture

@@ -16,6 +16,7 @@
 #include <thread>
 
 #include "base/config/studio_values.h"
+#include "base/io/unique_fd.h"
 #include "daemon/bus/channel_list.h"
 #include "daemon/bus/frame_keys.h"
 #include "daemon/bus/multicast_socket.h"
@@ -62,11 +63,10 @@ class Bus::Impl {
 
   ~Impl() {
     stopping_ = true;
-    eventfd_write(changed_, 1);
+    eventfd_write(changed_.get(), 1);
     ring_.stop();
     if (receiving_.joinable()) receiving_.join();
     if (handling_.joinable()) handling_.join();
-    close(changed_);
   }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
@@ -113,7 +113,7 @@ class Bus::Impl {
         joined_groups_[i] = std::make_shared<MulticastReceiver>(frame_urls_[i]);
       }
     }
-    eventfd_write(changed_, 1);
+    eventfd_write(changed_.get(), 1);
   }
 
   HandlerRegistration subscribe(const std::string& channels, Handler handler, Accept accept) {
@@ -221,7 +221,7 @@ class Bus::Impl {
 
   /// Receives until the set of joined groups changes. Sleeps in poll(), so an idle bus uses no CPU.
   void receive_from(const Receivers& groups) {
-    std::vector<pollfd> watched = {{changed_, POLLIN, 0}};
+    std::vector<pollfd> watched = {{changed_.get(), POLLIN, 0}};
     for (const auto& group : groups) watched.push_back({group->fd(), POLLIN, 0});
     for (;;) {
       if (poll(watched.data(), watched.size(), -1) < 0 && errno != EINTR) return;
@@ -231,7 +231,7 @@ class Bus::Impl {
       }
     }
     eventfd_t changes = 0;
-    eventfd_read(changed_, &changes);
+    eventfd_read(changed_.get(), &changes);
   }
 
   /// Verifies, reassembles and delivers messages. Meanwhile new datagrams wait in the ring, because
@@ -266,8 +266,8 @@ class Bus::Impl {
   std::vector<std::shared_ptr<MulticastReceiver>> joined_groups_;
   int64_t dropped_before_ = 0;  ///< datagrams, in groups that were left
   DatagramRing ring_;
-  MessageReceiver receiver_;                     ///< handling thread only
-  const int changed_ = eventfd(0, EFD_CLOEXEC);  ///< readable when groups change or to stop
+  MessageReceiver receiver_;                             ///< handling thread only
+  const io::UniqueFd changed_{eventfd(0, EFD_CLOEXEC)};  ///< readable when groups change or to stop
   std::atomic<bool> stopping_ = false;
   std::thread receiving_;  ///< empties the sockets into the ring
   std::thread handling_;   ///< runs the handlers

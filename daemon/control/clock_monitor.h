@@ -3,7 +3,6 @@
 
 #include <poll.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include <array>
 #include <chrono>
@@ -17,6 +16,7 @@
 #include <vector>
 
 #include "base/core/bytes.h"
+#include "base/io/unique_fd.h"
 
 namespace v3d::control {
 
@@ -38,13 +38,10 @@ class DatagramClient {
   /// `family`: AF_INET, AF_UNIX. If no socket can be opened, no answer is ever received.
   explicit DatagramClient(int family)
       : socket_(socket(family, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0)) {}
-  ~DatagramClient() {
-    if (socket_ >= 0) close(socket_);
-  }
   DatagramClient(const DatagramClient&) = delete;
   DatagramClient& operator=(const DatagramClient&) = delete;
 
-  int socket_fd() const { return socket_; }
+  int socket_fd() const { return socket_.get(); }
 
   /// Reads the datagrams that have arrived, up to the first that parse() accepts, and returns its
   /// answer. Returns the previous answer while none arrives, and empty after kMaxUnanswered calls.
@@ -61,7 +58,7 @@ class DatagramClient {
 
   /// Waits for a datagram or a socket error, at most `timeout`.
   void wait(std::chrono::milliseconds timeout) const {
-    pollfd answer{socket_, POLLIN, 0};
+    pollfd answer{socket_.get(), POLLIN, 0};
     poll(&answer, 1, static_cast<int>(timeout.count()));
   }
 
@@ -73,14 +70,14 @@ class DatagramClient {
   std::optional<Answer> first_answer(const Parse& parse) {
     std::array<uint8_t, kMaxDatagramBytes> bytes{};
     for (;;) {
-      const ssize_t size = recv(socket_, bytes.data(), bytes.size(), 0);
+      const ssize_t size = recv(socket_.get(), bytes.data(), bytes.size(), 0);
       if (size < 0) return std::nullopt;
       const std::span<const uint8_t> datagram(bytes.data(), static_cast<size_t>(size));
       if (const std::optional<Answer> answer = parse(datagram)) return answer;
     }
   }
 
-  int socket_;
+  const io::UniqueFd socket_;
   int unanswered_ = 0;
   std::optional<Answer> known_;
 };

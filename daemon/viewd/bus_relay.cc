@@ -135,26 +135,26 @@ BusRelay::BusRelay(const Studio& studio, const std::string& flag) {
   std::array<int, 2> ends{-1, -1};
   if (pipe2(ends.data(), O_CLOEXEC) != 0) throw std::runtime_error(errno_message("pipe"));
   fcntl(ends[1], F_SETPIPE_SZ, kPipeBytes);
-  pipe_ = ends[0];
-  fcntl(pipe_, F_SETFL, O_NONBLOCK);
+  pipe_.reset(ends[0]);
+  const io::UniqueFd end_of_child(ends[1]);
+  fcntl(pipe_.get(), F_SETFL, O_NONBLOCK);
   const std::string self = std::filesystem::read_symlink("/proc/self/exe");
   child_ = spawn_program({self, "--studio", studio.path, flag}, ends[1], STDERR_FILENO);
-  close(ends[1]);
   if (child_ < 0) throw std::runtime_error(errno_message("cannot run " + self));
 }
 
 BusRelay::~BusRelay() {
-  close(pipe_);
+  pipe_.reset();
   kill_process(child_);
 }
 
 void BusRelay::wait(MonotonicInstant deadline) {
   const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - Monotonic::now());
-  pollfd ready{pipe_, POLLIN, 0};
+  pollfd ready{pipe_.get(), POLLIN, 0};
   poll(&ready, 1, static_cast<int>(std::max<int64_t>(0, left.count())));
   std::array<char, 65536> part{};
   for (int bytes = 0; bytes < kPipeBytes;) {  // bounded: a fast sender must not block the caller
-    const ssize_t got = read(pipe_, part.data(), part.size());
+    const ssize_t got = read(pipe_.get(), part.data(), part.size());
     if (got < 0 && errno == EINTR) continue;
     if (got < 0) return;
     if (got == 0) throw BusRelayEnded("the bus relay process has ended");

@@ -12,6 +12,7 @@
 
 #include "base/config/studio_file.h"
 #include "base/core/time.h"
+#include "base/io/unique_fd.h"
 #include "wire/messages.h"
 
 namespace v3d::viewd {
@@ -64,7 +65,7 @@ class BusRelay {
 
  private:
   pid_t child_ = -1;
-  int pipe_ = -1;
+  io::UniqueFd pipe_;
   RelayReader reader_;
 };
 

@@ -18,6 +18,7 @@
 #include <numbers>
 
 #include "base/core/error.h"
+#include "base/io/unique_fd.h"
 
 namespace v3d::sim {
 namespace {
@@ -61,23 +62,19 @@ class WakeUpSocket {
     camera.sin_family = AF_INET;
     camera.sin_port = htons(3956);
     if (::inet_pton(AF_INET, address.c_str(), &camera.sin_addr) != 1 ||
-        ::connect(socket_, reinterpret_cast<const sockaddr*>(&camera), sizeof camera) != 0) {
-      ::close(socket_);
+        ::connect(socket_.get(), reinterpret_cast<const sockaddr*>(&camera), sizeof camera) != 0) {
       throw InputError(errno_message("camera at " + address));
     }
   }
-  ~WakeUpSocket() { ::close(socket_); }
-  WakeUpSocket(const WakeUpSocket&) = delete;
-  WakeUpSocket& operator=(const WakeUpSocket&) = delete;
 
   /// Sends a GigE Vision read of the version register; the answer is not read.
   void wake() const {
     constexpr uint8_t kReadVersion[] = {0x42, 0x01, 0x00, 0x80, 0, 4, 0, 1, 0, 0, 0, 0};
-    ::send(socket_, kReadVersion, sizeof kReadVersion, MSG_DONTWAIT);
+    ::send(socket_.get(), kReadVersion, sizeof kReadVersion, MSG_DONTWAIT);
   }
 
  private:
-  const int socket_;
+  const io::UniqueFd socket_;
 };
 
 uint32_t read_register(ArvFakeCamera* camera, uint32_t address) {
@@ -101,18 +98,16 @@ class GigeCameras::GenicamFile {
  public:
   GenicamFile() : file_(memfd_create("genicam.xml", MFD_CLOEXEC)) {
     const std::string xml = genicam_xml();
-    if (file_ < 0 || ::write(file_, xml.data(), xml.size()) != static_cast<ssize_t>(xml.size())) {
+    if (!file_ ||
+        ::write(file_.get(), xml.data(), xml.size()) != static_cast<ssize_t>(xml.size())) {
       throw InputError(errno_message("memory file for the GenICam description"));
     }
   }
-  ~GenicamFile() { ::close(file_); }
-  GenicamFile(const GenicamFile&) = delete;
-  GenicamFile& operator=(const GenicamFile&) = delete;
   const char* c_str() const { return path_.c_str(); }
 
  private:
-  const int file_;
-  const std::string path_ = "/proc/self/fd/" + std::to_string(file_);
+  const io::UniqueFd file_;
+  const std::string path_ = "/proc/self/fd/" + std::to_string(file_.get());
 };
 
 /// One camera: the fake camera with its thread while it is plugged in, and the queue of images to

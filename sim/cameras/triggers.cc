@@ -32,14 +32,13 @@ sockaddr_un socket_address(const std::filesystem::path& path) {
   return address;
 }
 
-int open_socket() { return ::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0); }
+io::UniqueFd open_socket() {
+  return io::UniqueFd(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0));
+}
 
 bool has_server(const sockaddr_un& address) {
-  const int probe = open_socket();
-  const bool answered =
-      ::connect(probe, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
-  ::close(probe);
-  return answered;
+  const io::UniqueFd probe = open_socket();
+  return ::connect(probe.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
 }
 
 }  // namespace
@@ -54,26 +53,21 @@ TriggerCable::TriggerCable(std::filesystem::path path, OnEdge on_edge)
     std::filesystem::remove(path_);
   }
   listener_ = open_socket();
-  if (listener_ < 0 ||
-      ::bind(listener_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0 ||
-      ::listen(listener_, 16) != 0) {
-    const std::string message = errno_message(path_.string());
-    ::close(listener_);
-    throw InputError(message);
+  if (!listener_ ||
+      ::bind(listener_.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0 ||
+      ::listen(listener_.get(), 16) != 0) {
+    throw InputError(errno_message(path_.string()));
   }
-  stop_ = ::eventfd(0, EFD_CLOEXEC);
+  stop_.reset(::eventfd(0, EFD_CLOEXEC));
   thread_ = std::thread([this] { serve(); });
 }
 
 TriggerCable::~TriggerCable() {
   const uint64_t one = 1;
-  [[maybe_unused]] const ssize_t written = ::write(stop_, &one, sizeof one);
+  [[maybe_unused]] const ssize_t written = ::write(stop_.get(), &one, sizeof one);
   thread_.join();
-  for (const int client : clients_) {
-    ::close(client);
-  }
-  ::close(listener_);
-  ::close(stop_);
+  clients_.clear();
+  listener_.reset();
   std::error_code ignored;
   std::filesystem::remove(path_, ignored);
 }
@@ -81,9 +75,9 @@ TriggerCable::~TriggerCable() {
 void TriggerCable::serve() {
   make_thread_realtime();
   for (;;) {
-    std::vector<pollfd> watched = {{stop_, POLLIN, 0}, {listener_, POLLIN, 0}};
-    for (const int client : clients_) {
-      watched.push_back({client, POLLIN, 0});
+    std::vector<pollfd> watched = {{stop_.get(), POLLIN, 0}, {listener_.get(), POLLIN, 0}};
+    for (const io::UniqueFd& client : clients_) {
+      watched.push_back({client.get(), POLLIN, 0});
     }
     if (::poll(watched.data(), watched.size(), -1) < 0 && errno != EINTR) {
       return;
@@ -94,15 +88,15 @@ void TriggerCable::serve() {
     // Accept new clients first, so that a client gets the echo of every edge that is sent after its
     // connection.
     if (watched[1].revents != 0) {
-      if (const int client = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC); client >= 0) {
-        clients_.push_back(client);
+      io::UniqueFd client(::accept4(listener_.get(), nullptr, nullptr, SOCK_CLOEXEC));
+      if (client) {
+        clients_.push_back(std::move(client));
         continue;
       }
     }
     for (size_t i = 2; i < watched.size(); ++i) {
       if (watched[i].revents != 0 && !take_packet(watched[i].fd)) {
-        std::erase(clients_, watched[i].fd);
-        ::close(watched[i].fd);
+        std::erase_if(clients_, [&](const auto& client) { return client.get() == watched[i].fd; });
       }
     }
   }
@@ -122,9 +116,9 @@ bool TriggerCable::take_packet(int client) {
   TriggerEdge edge;
   std::memcpy(&edge, packet.data(), sizeof edge);
   on_edge_(edges_++, from_ns<Monotonic>(edge.edge_monotonic_ns));
-  for (const int listener : clients_) {
+  for (const io::UniqueFd& listener : clients_) {
     // A client that does not read loses edges; the others do not wait for it.
-    ::send(listener, &edge, sizeof edge, MSG_DONTWAIT | MSG_NOSIGNAL);
+    ::send(listener.get(), &edge, sizeof edge, MSG_DONTWAIT | MSG_NOSIGNAL);
   }
   return true;
 }

@@ -44,9 +44,9 @@ class TriggerCable {
 
   std::filesystem::path path_;
   OnEdge on_edge_;
-  int listener_ = -1;
-  int stop_ = -1;  ///< eventfd: readable when the thread must stop
-  std::vector<int> clients_;
+  io::UniqueFd listener_;
+  io::UniqueFd stop_;  ///< eventfd: readable when the thread must stop
+  std::vector<io::UniqueFd> clients_;
   std::atomic<int64_t> edges_{0};
   std::atomic<int64_t> malformed_{0};
   std::thread thread_;

@@ -11,6 +11,7 @@
 
 #include "base/core/error.h"
 #include "base/io/file.h"
+#include "base/io/unique_fd.h"
 #include "v3dctl/import/media.h"
 
 namespace v3d::ctl {
@@ -38,22 +39,19 @@ class QuietLibraries {
  public:
   QuietLibraries() : stderr_(fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, 3)) {
     std::fflush(stderr);
-    const int nowhere = open("/dev/null", O_WRONLY | O_CLOEXEC);
-    if (nowhere < 0) return;
-    dup2(nowhere, STDERR_FILENO);
-    close(nowhere);
+    const io::UniqueFd nowhere(open("/dev/null", O_WRONLY | O_CLOEXEC));
+    if (nowhere) dup2(nowhere.get(), STDERR_FILENO);
   }
   ~QuietLibraries() {
-    if (stderr_ < 0) return;
+    if (!stderr_) return;
     std::fflush(stderr);
-    dup2(stderr_, STDERR_FILENO);
-    close(stderr_);
+    dup2(stderr_.get(), STDERR_FILENO);
   }
   QuietLibraries(const QuietLibraries&) = delete;
   QuietLibraries& operator=(const QuietLibraries&) = delete;
 
  private:
-  int stderr_;
+  const io::UniqueFd stderr_;
 };
 
 cv::Mat decode(const fs::path& path, int flags) {

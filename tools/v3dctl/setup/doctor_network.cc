@@ -5,7 +5,6 @@
 #include <netinet/in.h>
 #include <poll.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -21,6 +20,7 @@
 #include "base/config/v4l2_address.h"
 #include "base/core/error.h"
 #include "base/core/text.h"
+#include "base/io/unique_fd.h"
 #include "v3dctl/setup/doctor.h"
 
 namespace v3d::ctl {
@@ -30,19 +30,9 @@ using Verdict = Finding::Verdict;
 
 constexpr long long kMinReceiveBuffer = 16 << 20;  // a burst of frames of 15 XGA cameras
 
-class Socket {
- public:
-  Socket(int domain, int type, int protocol) : fd_(socket(domain, type | SOCK_CLOEXEC, protocol)) {}
-  ~Socket() {
-    if (fd_ >= 0) close(fd_);
-  }
-  Socket(const Socket&) = delete;
-  Socket& operator=(const Socket&) = delete;
-  int fd() const { return fd_; }
-
- private:
-  int fd_;
-};
+io::UniqueFd open_socket(int domain, int type, int protocol) {
+  return io::UniqueFd(socket(domain, type | SOCK_CLOEXEC, protocol));
+}
 
 bool parse_address(const std::string& text, uint16_t port, sockaddr_in& address) {
   address = {};
@@ -67,10 +57,10 @@ constexpr std::array<uint8_t, 12> kReadVersion = {0x42, 0x01, 0x00, 0x80, 0x00, 
 /// replied.
 std::map<uint32_t, bool> read_versions(const std::vector<sockaddr_in>& addresses) {
   std::map<uint32_t, bool> replied;
-  const Socket socket(AF_INET, SOCK_DGRAM, 0);
+  const io::UniqueFd socket = open_socket(AF_INET, SOCK_DGRAM, 0);
   for (const sockaddr_in& address : addresses) {
     replied[address.sin_addr.s_addr] = false;
-    sendto(socket.fd(), kReadVersion.data(), kReadVersion.size(), 0,
+    sendto(socket.get(), kReadVersion.data(), kReadVersion.size(), 0,
            reinterpret_cast<const sockaddr*>(&address), sizeof address);
   }
   const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(1);
@@ -81,14 +71,14 @@ std::map<uint32_t, bool> read_versions(const std::vector<sockaddr_in>& addresses
   while (!all()) {
     const auto remaining =
         std::chrono::ceil<std::chrono::milliseconds>(deadline - std::chrono::steady_clock::now());
-    pollfd waiting{socket.fd(), POLLIN, 0};
+    pollfd waiting{socket.get(), POLLIN, 0};
     if (remaining.count() <= 0 || poll(&waiting, 1, static_cast<int>(remaining.count())) <= 0)
       break;
     uint8_t packet[64];
     sockaddr_in from{};
     socklen_t size = sizeof from;
     const ssize_t bytes =
-        recvfrom(socket.fd(), packet, sizeof packet, 0, reinterpret_cast<sockaddr*>(&from), &size);
+        recvfrom(socket.get(), packet, sizeof packet, 0, reinterpret_cast<sockaddr*>(&from), &size);
     const bool is_reply =
         bytes >= 8 && packet[6] == kReadVersion[6] && packet[7] == kReadVersion[7];
     const auto found = replied.find(from.sin_addr.s_addr);
@@ -122,12 +112,12 @@ uint32_t source_address_to(const std::string& address) {
   to.sin_family = AF_INET;
   to.sin_port = htons(kControlPort);
   if (inet_pton(AF_INET, address.c_str(), &to.sin_addr) != 1) return 0;
-  const int fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  const io::UniqueFd socket = open_socket(AF_INET, SOCK_DGRAM, 0);
   sockaddr_in from{};
   socklen_t size = sizeof from;
-  const bool known = connect(fd, reinterpret_cast<const sockaddr*>(&to), sizeof to) == 0 &&
-                     getsockname(fd, reinterpret_cast<sockaddr*>(&from), &size) == 0;
-  close(fd);
+  const bool known =
+      connect(socket.get(), reinterpret_cast<const sockaddr*>(&to), sizeof to) == 0 &&
+      getsockname(socket.get(), reinterpret_cast<sockaddr*>(&from), &size) == 0;
   return known ? from.sin_addr.s_addr : 0;
 }
 
@@ -146,8 +136,8 @@ Finding check_multicast(const std::string& lcm_url) {
   if (!group || !parse_address(group->address, group->port, address)) {
     return {Verdict::kUnknown, "multicast", "no group address in " + lcm_url, ""};
   }
-  const Socket socket(AF_INET, SOCK_DGRAM, 0);
-  if (connect(socket.fd(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0) {
+  const io::UniqueFd socket = open_socket(AF_INET, SOCK_DGRAM, 0);
+  if (connect(socket.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0) {
     return {Verdict::kGood, "multicast", group->address + " has a route", ""};
   }
   return {Verdict::kBad, "multicast", errno_message(group->address),
@@ -155,8 +145,8 @@ Finding check_multicast(const std::string& lcm_url) {
 }
 
 Finding check_packet_socket() {
-  const Socket socket(AF_PACKET, SOCK_DGRAM, htons(ETH_P_IP));
-  if (socket.fd() >= 0) return {Verdict::kGood, "packet socket", "this user may open one", ""};
+  const io::UniqueFd socket = open_socket(AF_PACKET, SOCK_DGRAM, htons(ETH_P_IP));
+  if (socket) return {Verdict::kGood, "packet socket", "this user may open one", ""};
   // The unit of the daemon grants the permission; users usually do not have it.
   return {Verdict::kUnknown, "packet socket", "not permitted to this user (CAP_NET_RAW)",
           "the unit v3d-captured@.service grants it; by hand, as root: setcap cap_net_raw+ep "
