@@ -56,9 +56,9 @@ class SoundTake {
     int64_t samples = 0;
     int64_t xruns = 0;
     int64_t timecode_jumps = 0;
-    std::string first_jump;  ///< "20:00:00:00 instead of 10:00:04:13"
-    std::string error;       ///< of the disk, one line; empty: none
-    int64_t position = 0;    ///< of the device, after the last block that was written
+    std::string first_jump{};  ///< "20:00:00:00 instead of 10:00:04:13"
+    std::string error{};       ///< of the disk, one line; empty: none
+    int64_t position = 0;      ///< of the device, after the last block that was written
   };
   Counts counts() const;  ///< any thread
 
