@@ -17,7 +17,7 @@ std::vector<CameraFeature> features_of(const std::string& defaults, const std::s
   const std::string text =
       "name = \"kyoto\"\n[[node]]\nname = \"cap01\"\n[camera_defaults]\nnode = \"cap01\"\n" +
       defaults + "[[camera]]\nname = \"cam01\"\naddress = \"1\"\n" + own +
-      "[trigger]\nnode = \"cap01\"\n[space]\nmin = [-1, -1, 0]\nmax = [1, 1, 2]\n"
+      "[trigger]\nnode = \"cap01\"\nwire = \"wire\"\n[space]\nmin = [-1, -1, 0]\nmax = [1, 1, 2]\n"
       "[storage]\ntakes = \"takes\"\nbackground = \"background\"\ncalib = \"calib.toml\"\n"
       "[reconstruction]\nnode = \"cap01\"\n";
   return parse_studio(text, "studio.toml").cameras.at(0).features;
