@@ -4,7 +4,7 @@ import { execFileSync } from 'node:child_process';
 import { mkdirSync, readFileSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
-import { PageProbe, isNear } from './eyes.mjs';
+import { PageProbe, isNear, openPage } from './eyes.mjs';
 import { launchBrowser, NO_GL, ServedStudio, TIMEOUT_MS } from './served_studio.mjs';
 import { ssim } from './ssim.mjs';
 
@@ -45,10 +45,7 @@ before(async () => {
   v3dctl('export', 'takes/ball', '--format', 'glb', '--frames', '0', 'takes/duel/ball.glb');
   writeFileSync(join(folder, 'takes/duel/scene.json'), JSON.stringify(duel));
   await studio.start();
-  browser = await launchBrowser();
-  page = await browser.newPage({ viewport: { width: 1000, height: 640 } });
-  page.setDefaultTimeout(TIMEOUT_MS);
-  probe = new PageProbe(page);
+  ({ browser, page, probe } = await openPage());
 });
 after(async () => {
   await browser?.close();

@@ -1,6 +1,6 @@
 // Reads texts and colours of a page of the viewer.
 import assert from 'node:assert/strict';
-import { TIMEOUT_MS } from './served_studio.mjs';
+import { launchBrowser, TIMEOUT_MS } from './served_studio.mjs';
 
 /** Largest difference of a colour channel from the expected value. */
 const TOLERANCE = 6;
@@ -72,4 +72,12 @@ export class PageProbe {
       if (Date.now() > until) assert.fail(`${what}: the colour is ${colour}`);
     }
   }
+}
+
+/** An empty page of the usual size in a browser of its own, and its probe. */
+export async function openPage() {
+  const browser = await launchBrowser();
+  const page = await browser.newPage({ viewport: { width: 1000, height: 640 } });
+  page.setDefaultTimeout(TIMEOUT_MS);
+  return { browser, page, probe: new PageProbe(page) };
 }

@@ -4,8 +4,8 @@ import { execFileSync } from 'node:child_process';
 import { readFileSync, writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
-import { PageProbe, isNear } from './eyes.mjs';
-import { launchBrowser, ServedStudio, TIMEOUT_MS } from './served_studio.mjs';
+import { isNear, openPage } from './eyes.mjs';
+import { ServedStudio } from './served_studio.mjs';
 import { Motion } from '../../codec/v3d_decoder.mjs';
 
 const build = process.env.V3D_BUILD;
@@ -52,10 +52,7 @@ before(async () => {
   bytes = readFileSync(file);
   motion = new Motion(new WebAssembly.Module(readFileSync(join(build, 'codec/v3d_decoder.wasm'))), bytes);
   await studio.start();
-  browser = await launchBrowser();
-  page = await browser.newPage({ viewport: { width: 1000, height: 640 } });
-  page.setDefaultTimeout(TIMEOUT_MS);
-  probe = new PageProbe(page);
+  ({ browser, page, probe } = await openPage());
 });
 after(async () => {
   await browser?.close();

@@ -4,8 +4,8 @@ import { execFileSync } from 'node:child_process';
 import { writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
-import { PageProbe, isNear } from './eyes.mjs';
-import { launchBrowser, ServedStudio, TIMEOUT_MS } from './served_studio.mjs';
+import { isNear, openPage } from './eyes.mjs';
+import { ServedStudio } from './served_studio.mjs';
 
 const studio = new ServedStudio(process.env.V3D_BUILD);
 const { folder } = studio;
@@ -26,10 +26,7 @@ before(async () => {
   writeFileSync(join(folder, 'takes/person/slate.toml'), 'scene = "12"\nmark = "circled"\n');
   writeFileSync(join(folder, 'takes/empty/slate.toml'), 'scene = "3"\nmark = "rejected"\n');
   await studio.start();
-  browser = await launchBrowser();
-  page = await browser.newPage({ viewport: { width: 1000, height: 640 } });
-  page.setDefaultTimeout(TIMEOUT_MS);
-  probe = new PageProbe(page);
+  ({ browser, page, probe } = await openPage());
 });
 after(async () => {
   await browser?.close();

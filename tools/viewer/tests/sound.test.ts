@@ -143,6 +143,15 @@ describe('a part of a file', () => {
 
 describe('the sound of a take', () => {
   afterEach(() => vi.unstubAllGlobals());
+  /** A running output whose sources and gains are of the class `Node`. The test sets its time. */
+  const outputWith = (Node: unknown) => {
+    vi.stubGlobal('AudioBuffer', class {
+      copyToChannel = () => undefined;
+    });
+    vi.stubGlobal('AudioBufferSourceNode', Node);
+    vi.stubGlobal('GainNode', Node);
+    return { context: { currentTime: 0 }, isRunning: () => true, heardAt: (now: number) => now / 1000 };
+  };
 
   it('asks the browser once for sound, and again after each gesture', async () => {
     const answers: (() => void)[] = [];
@@ -181,12 +190,7 @@ describe('the sound of a take', () => {
       start = () => undefined;
       stop = () => undefined;
     }
-    vi.stubGlobal('AudioBuffer', class {
-      copyToChannel = () => undefined;
-    });
-    vi.stubGlobal('AudioBufferSourceNode', Node);
-    vi.stubGlobal('GainNode', Node);
-    const output = { context: { currentTime: 0 }, isRunning: () => true, heardAt: (now: number) => now / 1000 };
+    const output = outputWith(Node);
     const bytes = new Bytes(wave(1, Array(4800).fill(0)));
     const { read } = bytes;
     bytes.read = async () => { throw new Error('The server answered 503.'); };
@@ -218,12 +222,7 @@ describe('the sound of a take', () => {
       start = (at: number, offset: number, seconds: number) => starts.push({ at, offset, seconds });
       stop = () => undefined;
     }
-    vi.stubGlobal('AudioBuffer', class {
-      copyToChannel = () => undefined;
-    });
-    vi.stubGlobal('AudioBufferSourceNode', Node);
-    vi.stubGlobal('GainNode', Node);
-    const output = { context: { currentTime: 0 }, isRunning: () => true, heardAt: (now: number) => now / 1000 };
+    const output = outputWith(Node);
     const file = { ...FILE, rate_hz: 480, samples: 4800, map: [[0, 0], [250, 4800]] as [number, number][] };
     const source = new SoundSource(file, new Bytes(wave(1, Array(4800).fill(0))));
     const player = new SoundPlayer(output as unknown as SoundOutput, [source], 25, () => undefined);
