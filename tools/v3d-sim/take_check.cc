@@ -53,10 +53,10 @@ class ExposureIndex {
   std::map<MonotonicInstant, int64_t> edge_at_;
 };
 
-/// The times of the pulses of a take, by pulses.lcmlog.
-class PulseTimes {
+/// The pulses of a take by pulses.lcmlog, with their times.
+class LoggedPulses {
  public:
-  explicit PulseTimes(const take::TakePaths& take, double rate_hz) : period_(period_of(rate_hz)) {
+  explicit LoggedPulses(const take::TakePaths& take, double rate_hz) : period_(period_of(rate_hz)) {
     for (const wire::PulseMessage& pulse : take::read_pulses(take.pulses())) {
       logged_[pulse.pulse] = pulse.edge_monotonic;
     }
@@ -88,7 +88,7 @@ class PulseTimes {
 
 /// Empty when the label of a frame is correct, else the error.
 std::string verdict(const std::string& camera, const FrameLabel& label, const ExposureIndex& record,
-                    const PulseTimes& pulses) {
+                    const LoggedPulses& pulses) {
   const ExposureLine* exposure = record.exposure(camera, label.device_time);
   if (exposure == nullptr) {
     return "the record has no exposure of this camera at the device time of the frame";
@@ -114,7 +114,7 @@ std::string verdict(const std::string& camera, const FrameLabel& label, const Ex
 class CameraCheck {
  public:
   CameraCheck(std::string camera, const std::filesystem::path& log, const ExposureIndex& record,
-              const PulseTimes& pulses, TakeCheck& check)
+              const LoggedPulses& pulses, TakeCheck& check)
       : camera_(std::move(camera)), log_(log), record_(record), pulses_(pulses), check_(check) {}
 
   void run(int64_t pulses) {
@@ -174,7 +174,7 @@ class CameraCheck {
   const std::string camera_;
   take::FrameLogReader log_;
   const ExposureIndex& record_;
-  const PulseTimes& pulses_;
+  const LoggedPulses& pulses_;
   TakeCheck& check_;
   std::map<DeviceInstant, int64_t> frames_of_;  ///< number of frames of each exposure
   std::map<int64_t, const FrameLabel*> shown_;  ///< the frame that readers use, by pulse
@@ -186,7 +186,7 @@ TakeCheck check_take(const std::filesystem::path& take, const std::vector<Exposu
   const take::TakePaths paths{take};
   const take::TakeInfo info = load_take_info(paths);
   const ExposureIndex record(lines);
-  const PulseTimes pulses(paths, info.rate_hz);
+  const LoggedPulses pulses(paths, info.rate_hz);
   TakeCheck check;
   for (const std::string& camera : info.cameras) {
     CameraCheck(camera, paths.frames(camera), record, pulses, check).run(info.pulses);
