@@ -22,6 +22,7 @@
 #include "recon/skeleton/body_model.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
+#include "tools/glb.h"
 #include "tools/gliding_take.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/skeleton/take_skeleton.h"
@@ -303,12 +304,57 @@ class SkeletonCommand : public LearntSkeleton {
   const std::filesystem::path file_ = folder_ / "take" / "skeleton.json";
 };
 
+/// The bytes of an attribute at each corner of the triangles of the first surface.
+std::vector<std::string> corner_values(const test::Glb& glb, const char* semantic) {
+  const auto bytes_of = [&](const nlohmann::json& accessor) {
+    const nlohmann::json& view = glb.scene["bufferViews"][accessor.at("bufferView").get<size_t>()];
+    return glb.buffer.substr(view.at("byteOffset"), view.at("byteLength"));
+  };
+  const std::string numbers = bytes_of(glb.indices());
+  const std::string values = bytes_of(glb.accessor(semantic));
+  const size_t stride = values.size() / glb.accessor(semantic).at("count").get<size_t>();
+  std::vector<std::string> corners;
+  for (size_t at = 0; at < numbers.size(); at += sizeof(uint32_t)) {
+    corners.push_back(values.substr(test::word_at(numbers, at) * stride, stride));
+  }
+  return corners;
+}
+
 TEST_F(SkeletonCommand, keeps_the_file_when_it_refuses_an_export) {
   // No segment has the three pulses that a skin needs.
   test::write_gliding_motion(take::TakePaths{folder_ / "take"}.motion(), {{0, 1}, {3, 4}, {6, 7}});
   testing::internal::CaptureStderr();
   EXPECT_EQ(run({path("take"), "--export", "glb", path("take.glb")}), kExitBadInput);
   EXPECT_THAT(testing::internal::GetCapturedStderr(), HasSubstr("glb needs a tracked surface"));
+  EXPECT_EQ(read_file(file_), "earlier");
+}
+
+TEST_F(SkeletonCommand, exports_a_surface_whose_vertices_at_seams_keep_their_weights) {
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(run({path("take"), "--export", "glb", path("take.glb"), "--atlas", "256"}),
+            kExitIncomplete)
+      << "no pulse shows hands";
+  EXPECT_THAT(testing::internal::GetCapturedStderr(), HasSubstr("has no raw frames"));
+  EXPECT_EQ(run({path("take"), "--export", "glb", path("plain.glb")}), kExitIncomplete);
+  const test::Glb textured = test::parse_glb(read_file(path("take.glb")));
+  const test::Glb plain = test::parse_glb(read_file(path("plain.glb")));
+  EXPECT_EQ(textured.scene.at("images").size(), 1U);
+  EXPECT_FALSE(plain.scene.contains("images"));
+  EXPECT_EQ(textured.indices().at("count"), plain.indices().at("count"));
+  const size_t vertices = textured.accessor("POSITION").at("count");
+  EXPECT_GT(vertices, plain.accessor("POSITION").at("count").get<size_t>()) << "seams";
+  EXPECT_EQ(textured.accessor("TEXCOORD_0").at("count"), vertices);
+  for (const char* semantic : {"JOINTS_0", "WEIGHTS_0"}) {
+    EXPECT_EQ(textured.accessor(semantic).at("count"), vertices);
+    EXPECT_EQ(corner_values(textured, semantic), corner_values(plain, semantic)) << semantic;
+  }
+}
+
+TEST_F(SkeletonCommand, has_a_texture_only_as_glb) {
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(run({path("take"), "--export", "bvh", path("take.bvh"), "--atlas", "256"}),
+            kExitBadInput);
+  EXPECT_THAT(testing::internal::GetCapturedStderr(), HasSubstr("--atlas: expected --export glb"));
   EXPECT_EQ(read_file(file_), "earlier");
 }
 

@@ -100,6 +100,58 @@ test('a file with timecode is valid', async () => {
   assert.equal(nodeExtras(all)[0].first_timecode, '10:00:00:00');
 });
 
+/** The skeleton of a take with its tracked surface. Status 3: no pulse of so short a take need show all ends of the body. */
+const withSkin = (...more) => {
+  const file = `skin${more.length}.glb`;
+  try {
+    run('v3dctl', 'skeleton', 'skinned', '--export', 'glb', ...more, file);
+  } catch ({ status, stderr }) {
+    assert.equal(status, 3, `${stderr}`);
+  }
+  return readFileSync(join(folder, file));
+};
+
+/** The first primitive of a GLB file: `values(semantic)` of a vertex attribute or 'indices', and the bytes of its image. */
+const primitiveOf = (bytes) => {
+  const length = bytes.readUInt32LE(12);
+  const gltf = JSON.parse(bytes.subarray(20, 20 + length));
+  const view = ({ byteOffset, byteLength }) => bytes.subarray(28 + length + byteOffset, 28 + length + byteOffset + byteLength);
+  const [primitive] = gltf.meshes[0].primitives;
+  const ARRAYS = { 5123: Uint16Array, 5125: Uint32Array };
+  const values = (semantic) => {
+    const accessor = gltf.accessors[semantic === 'indices' ? primitive.indices : primitive.attributes[semantic]];
+    return new ARRAYS[accessor.componentType](Uint8Array.from(view(gltf.bufferViews[accessor.bufferView])).buffer);
+  };
+  return { values, image: () => view(gltf.bufferViews[gltf.images[0].bufferView]) };
+};
+
+test('a skeleton with its surface is a valid file, with colours of vertices or with a texture', async () => {
+  const SIDE = 256;
+  run('v3d-sim', 'take', 'skinned', '--frames', '3', '--cameras', '8', '--size', '320x240');
+  run('v3dctl', 'reconstruct', 'skinned', '--voxel', '20mm');
+  run('v3dctl', 'track', 'skinned', '--triangles', '4000');
+  const [coloured, textured] = [withSkin(), withSkin('--atlas', `${SIDE}`)];
+  const { issues, info } = await validator.validateBytes(new Uint8Array(coloured), { format: 'glb', maxIssues: 0 });
+  assert.deepEqual(issues.messages, []);
+  assert.deepEqual([info.hasTextures, info.hasSkins], [false, true]);
+  await withTexture(textured, 'none');
+  // At most corners of triangles, the texture has about the colour that the vertex has without a texture.
+  const [plain, painted] = [coloured, textured].map(primitiveOf);
+  const texels = execFileSync('ffmpeg', ['-v', 'error', '-i', '-', '-f', 'rawvideo', '-pix_fmt', 'rgb24', '-'], { input: painted.image() });
+  const [vertices, colours] = [plain.values('indices'), plain.values('COLOR_0')];
+  const [corners, coordinates] = [painted.values('indices'), painted.values('TEXCOORD_0')];
+  assert.equal(corners.length, vertices.length);
+  const differences = [...vertices].map((vertex, n) => {
+    const [x, y] = [0, 1].map((k) => Math.min(SIDE - 1, Math.floor((coordinates[2 * corners[n] + k] / 65536) * SIDE)));
+    const colour = new Color().fromArray(colours.slice(4 * vertex, 4 * vertex + 3), 0).multiplyScalar(1 / 65535).convertLinearToSRGB();
+    const texel = texels.subarray(3 * (SIDE * y + x), 3 * (SIDE * y + x) + 3);
+    return Math.max(...colour.toArray().map((value, k) => Math.abs(255 * value - texel[k])));
+  });
+  differences.sort((a, b) => a - b);
+  const median = differences[differences.length >> 1];
+  assert.ok(median < 25, `median ${median} of 255`);
+});
+
 test('the validator reports a damaged file', async () => {
   const bytes = new Uint8Array(exported('none'));
   bytes.fill(0xff, bytes.length - 12); // the last triangle

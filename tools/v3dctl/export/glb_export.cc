@@ -1,12 +1,10 @@
 // glTF 2.0 binary: https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html, chapter 4.
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <unordered_map>
 #include <vector>
 
 #include "base/image/image_files.h"
@@ -23,7 +21,6 @@ using nlohmann::json;
 
 constexpr const char* kDraco = "KHR_draco_mesh_compression";
 constexpr const char* kMeshopt = "EXT_meshopt_compression";
-constexpr int kLinear = 9729, kClampToEdge = 33071;
 constexpr const char* kQuantization = "KHR_mesh_quantization";
 
 VertexStream integer_positions(const PositionGrid& grid) {
@@ -60,54 +57,10 @@ VertexStream seen_colours(const ExportedCamera& camera) {
   return make_stream(semantic_of(camera), Component::kUint8, 4, values);
 }
 
-/// A vertex at a seam occurs once for each chart that it belongs to.
-struct TexturedMesh {
-  Mesh mesh;  ///< without colours; the triangles in the order of the original
-  /// One per vertex: u to the right and v downwards as in glTF, from 0 to 65535 over the image.
-  std::vector<std::array<uint16_t, 2>> coordinates;
-  std::vector<uint32_t> source;  ///< one per vertex: its number in the original
-};
-
-/// Texels have their centres at whole numbers, glTF the corner of the image at 0.
-std::array<uint16_t, 2> coordinates_of(const Eigen::Vector2f& texel, int side) {
-  std::array<uint16_t, 2> coordinates{};
-  for (int k = 0; k < 2; ++k) {
-    const double part = (double{texel[k]} + 0.5) / side;
-    coordinates[static_cast<size_t>(k)] =
-        static_cast<uint16_t>(std::lround(std::clamp(part, 0.0, 1.0) * 65535));
-  }
-  return coordinates;
-}
-
-/// Leaves out vertices without a triangle. `layout` is that of the mesh.
-TexturedMesh with_coordinates(const Mesh& mesh, const recon::AtlasLayout& layout) {
-  TexturedMesh textured;
-  textured.mesh.triangles.resize(mesh.triangles.size());
-  std::unordered_map<uint64_t, uint32_t> number;  // of a vertex in a chart
-  for (size_t t = 0; t < mesh.triangles.size(); ++t) {
-    for (size_t k = 0; k < 3; ++k) {
-      const uint32_t v = mesh.triangles[t][k];
-      const auto next = static_cast<uint32_t>(textured.source.size());
-      const auto [at, is_new] = number.emplace(uint64_t{layout.chart[t]} << 32 | v, next);
-      if (is_new) {
-        textured.source.push_back(v);
-        textured.mesh.vertices.push_back(mesh.vertices[v]);
-        textured.coordinates.push_back(coordinates_of(layout.corners[t][k], layout.side));
-      }
-      textured.mesh.triangles[t][k] = at->second;
-    }
-  }
-  return textured;
-}
-
 /// TEXCOORD_0 and, where asked for, _VERTEX.
 void add_texture_streams(const TexturedMesh& textured, const MeshFileOptions& options,
                          VertexStreams& out) {
-  std::vector<uint16_t> coordinates;
-  for (const auto& uv : textured.coordinates) {
-    coordinates.insert(coordinates.end(), uv.begin(), uv.end());
-  }
-  out.streams.push_back(make_stream("TEXCOORD_0", Component::kUint16, 2, coordinates));
+  out.streams.push_back(texture_coordinates(textured));
   if (!options.number_vertices) return;
   // glTF has no attributes of 32 bit integers; floats are exact up to 2^24.
   const std::vector<float> numbers(textured.source.begin(), textured.source.end());
@@ -284,16 +237,7 @@ class Document {
     const size_t material = out_.add_unlit_material();
     primitive()["material"] = material;
     if (options.atlas == nullptr) return;
-    const std::vector<uint8_t> jpeg =
-        encode_jpeg(options.atlas->image.view(), options.atlas_quality);
-    const size_t image =
-        out_.add("images", {{"mimeType", "image/jpeg"}, {"bufferView", out_.add_view(jpeg)}});
-    const size_t sampler = out_.add("samplers", {{"magFilter", kLinear},
-                                                 {"minFilter", kLinear},
-                                                 {"wrapS", kClampToEdge},
-                                                 {"wrapT", kClampToEdge}});
-    const size_t texture = out_.add("textures", {{"source", image}, {"sampler", sampler}});
-    gltf()["materials"][material]["pbrMetallicRoughness"]["baseColorTexture"]["index"] = texture;
+    out_.set_texture(material, encode_jpeg(options.atlas->image.view(), options.atlas_quality));
   }
 
   void add_cameras(std::span<const ExportedCamera> cameras) {

@@ -14,6 +14,7 @@ namespace {
 using nlohmann::json;
 
 constexpr int kFloat = static_cast<int>(Component::kFloat);
+constexpr int kLinear = 9729, kClampToEdge = 33071;
 
 void put_word(std::string& bytes, size_t word) {
   for (int shift = 0; shift < 32; shift += 8) bytes += static_cast<char>(word >> shift & 0xFF);
@@ -120,6 +121,16 @@ size_t GltfDocument::add_unlit_material() {
   material["extensions"][kUnlit] = json::object();
   gltf_["extensionsUsed"].push_back(kUnlit);
   return add("materials", std::move(material));
+}
+
+void GltfDocument::set_texture(size_t material, std::span<const uint8_t> jpeg) {
+  const size_t image = add("images", {{"mimeType", "image/jpeg"}, {"bufferView", add_view(jpeg)}});
+  const size_t sampler = add("samplers", {{"magFilter", kLinear},
+                                          {"minFilter", kLinear},
+                                          {"wrapS", kClampToEdge},
+                                          {"wrapT", kClampToEdge}});
+  const size_t texture = add("textures", {{"source", image}, {"sampler", sampler}});
+  gltf_["materials"][material]["pbrMetallicRoughness"]["baseColorTexture"]["index"] = texture;
 }
 
 std::string GltfDocument::bytes() {

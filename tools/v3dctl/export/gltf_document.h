@@ -55,6 +55,9 @@ class GltfDocument {
   /// A material that shows the vertex colours as they are, because they contain the light of the
   /// studio (KHR_materials_unlit); returns the index.
   size_t add_unlit_material();
+  /// Gives a material of add_unlit_material() a texture: a JPEG file, which becomes part of the
+  /// document. Vertices then need TEXCOORD_0 in place of colours.
+  void set_texture(size_t material, std::span<const uint8_t> jpeg);
 
   /// Length of the first buffer so far.
   uint64_t buffer_bytes() const { return binary_.size(); }

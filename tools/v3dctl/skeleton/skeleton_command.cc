@@ -11,6 +11,7 @@
 #include "common/console.h"
 #include "common/partial_file.h"
 #include "v3dctl/command_line.h"
+#include "v3dctl/export/mesh_export.h"
 #include "v3dctl/options.h"
 #include "v3dctl/skeleton/take_skeleton.h"
 
@@ -26,6 +27,7 @@ struct Arguments {
   std::string frames, format;
   int64_t like = -1;
   int performer = 1;
+  int atlas_side = 0;
   bool json = false;
 };
 
@@ -99,21 +101,29 @@ std::string file_name(int performer) {
 }
 
 void require_similarity_options(const Arguments& arguments) {
-  if (arguments.format.empty() && arguments.out.empty() && arguments.truth.empty() &&
-      arguments.performer == 1) {
+  if (arguments.format.empty() && arguments.out.empty() && arguments.atlas_side == 0 &&
+      arguments.truth.empty() && arguments.performer == 1) {
     return;
   }
   throw InputError(
-      "--like only lists pulses, of the whole surface: OUT, --export, --truth and --performer are "
-      "for a skeleton");
+      "--like only lists pulses, of the whole surface: OUT, --export, --atlas, --truth and "
+      "--performer are for a skeleton");
 }
 
-/// The content of OUT; empty without --export. Throws InputError as skeleton_glb() does.
-std::string exported(const Arguments& arguments, const TakeSkeleton& skeleton) {
+/// The content of OUT; empty without --export. `incomplete`: the pulses whose textures lack frames
+/// of cameras. Throws InputError as skeleton_glb() and TexturePainter do.
+std::string exported(const Arguments& arguments, const TakeSkeleton& skeleton,
+                     int64_t& incomplete) {
   if (arguments.format == "bvh") return skeleton_bvh(skeleton);
   if (arguments.format == "trc") return skeleton_trc(skeleton, arguments.out.filename().string());
   if (arguments.format != "glb") return {};
-  return skeleton_glb(skeleton, normal_folder(arguments.take).filename().string());
+  std::vector<recon::TextureAtlas> textures;
+  if (arguments.atlas_side > 0) {
+    TexturePainter painter(arguments.take, "--atlas");
+    textures = skin_textures(skeleton, painter, arguments.atlas_side);
+    incomplete = painter.incomplete();
+  }
+  return skeleton_glb(skeleton, normal_folder(arguments.take).filename().string(), textures);
 }
 
 /// Writes OUT, then skeleton.json, which stays as it is when OUT cannot be written.
@@ -136,6 +146,9 @@ int run(const Arguments& arguments) {
   if (arguments.format.empty() != arguments.out.empty()) {
     throw InputError("--export bvh|glb|trc and OUT, its file, are given together");
   }
+  if (arguments.atlas_side > 0 && arguments.format != "glb") {
+    throw InputError("--atlas: expected --export glb");
+  }
   catch_interrupts();
   std::optional<Progress> progress;
   const TakeSkeleton skeleton = learn_skeleton(
@@ -143,7 +156,8 @@ int run(const Arguments& arguments) {
       [&](int64_t pulses) { progress.emplace("skeleton", pulses); }, [&] { progress->advance(); });
   progress.reset();
   // A command that is refused replaces no file.
-  const std::string out = exported(arguments, skeleton);
+  int64_t incomplete = 0;
+  const std::string out = exported(arguments, skeleton, incomplete);
   std::optional<SkeletonError> error;
   if (!arguments.truth.empty()) {
     error = compare_with_truth(skeleton, arguments.truth, arguments.performer);
@@ -163,7 +177,8 @@ int run(const Arguments& arguments) {
           error->all.p50_mm, error->all.p90_mm, count_of(error->swaps, "pulse"));
     }
   }
-  return is_whole(skeleton) ? kExitDone : kExitIncomplete;
+  const int status = report_incomplete_frames(incomplete, arguments.take);
+  return is_whole(skeleton) ? status : kExitIncomplete;
 }
 
 }  // namespace
@@ -188,6 +203,13 @@ void add_skeleton(CommandLine& line) {
                   "places of the joints (trc)")
       .type_name("bvh|glb|trc")
       .check(cli::one_of({"bvh", "glb", "trc"}));
+  command
+      .add_option(
+          "--atlas", arguments->atlas_side,
+          "With --export glb: the side of a texture from the take's raw frames, in place of "
+          "colours of vertices")
+      .type_name("TEXELS")
+      .check(cli::integer_in(recon::kMinAtlasSide, recon::kMaxAtlasSide));
   command
       .add_option("--truth", arguments->truth,
                   "Compare with the true joints of v3d-sim take --truth DIR")

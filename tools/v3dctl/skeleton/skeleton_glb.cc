@@ -3,9 +3,12 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <map>
+#include <numeric>
 
 #include "base/core/error.h"
+#include "base/image/image_files.h"
 #include "v3dctl/export/gltf_document.h"
+#include "v3dctl/export/mesh_export.h"
 #include "v3dctl/skeleton/take_skeleton.h"
 
 namespace v3d::ctl {
@@ -16,8 +19,6 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 using nlohmann::json;
 using recon::Joint;
-
-constexpr double kMaxColour = 65535;
 
 /// The frame of a joint: world_from_joint.
 Isometry3d frame_of(const recon::SkeletonPulse& pulse, size_t joint) {
@@ -45,8 +46,11 @@ void append(const Quaterniond& q, std::vector<float>& values) {
 
 class SkinnedScene {
  public:
-  SkinnedScene(const TakeSkeleton& skeleton, const std::string& name)
-      : skeleton_(skeleton), rate_hz_(skeleton.rate_hz > 0 ? skeleton.rate_hz : 25) {
+  SkinnedScene(const TakeSkeleton& skeleton, const std::string& name,
+               std::span<const recon::TextureAtlas> textures)
+      : skeleton_(skeleton),
+        textures_(textures),
+        rate_hz_(skeleton.rate_hz > 0 ? skeleton.rate_hz : 25) {
     joints_ = skeleton.structure.has_prop ? size_t{recon::kJoints} : size_t{recon::kBodyJoints};
     for (const recon::SkeletonPulse& pulse : skeleton.structure.pulses) {
       pulses_[skeleton.pulses[pulse.index]] = &pulse;
@@ -55,7 +59,7 @@ class SkinnedScene {
     root_ = out_.add("nodes", {{"name", name}, {"rotation", y_up_rotation()}});
     out_.gltf()["scenes"][0]["nodes"].push_back(root_);
     out_.gltf()["nodes"][root_]["extras"] = {{"take", name}, {"rate_hz", skeleton.rate_hz}};
-    material_ = out_.add_unlit_material();
+    if (textures_.empty()) material_ = out_.add_unlit_material();
   }
 
   std::string write() {
@@ -144,18 +148,38 @@ class SkinnedScene {
   }
 
   size_t add_mesh(size_t n, const std::string& name) {
+    return textures_.empty() ? add_coloured_mesh(n, name) : add_textured_mesh(n, name);
+  }
+
+  size_t add_coloured_mesh(size_t n, const std::string& name) {
     const Mesh& surface = body(n).surface;
-    const size_t vertices = surface.vertices.size();
-    json attributes = {{"POSITION", out_.add_attribute(float_positions(surface), vertices)}};
+    json attributes = json::object();
     if (!surface.colours.empty()) {
-      attributes["COLOR_0"] =
-          out_.add_attribute(make_stream("COLOR_0", Component::kUint16, 4,
-                                         linear_light<uint16_t>(surface, 4, kMaxColour)),
-                             vertices);
+      attributes["COLOR_0"] = out_.add_attribute(linear_colours(surface), surface.vertices.size());
     }
+    std::vector<uint32_t> vertices(surface.vertices.size());
+    std::iota(vertices.begin(), vertices.end(), 0);
+    return add_primitive(n, name, surface, vertices, std::move(attributes), material_);
+  }
+
+  size_t add_textured_mesh(size_t n, const std::string& name) {
+    const recon::TextureAtlas& atlas = textures_[shown_[n]];
+    const TexturedMesh textured = with_coordinates(body(n).surface, atlas.layout);
+    const json attributes = {
+        {"TEXCOORD_0", out_.add_attribute(texture_coordinates(textured), textured.source.size())}};
+    const size_t material = out_.add_unlit_material();
+    out_.set_texture(material, encode_jpeg(atlas.image.view(), MeshFileOptions().atlas_quality));
+    return add_primitive(n, name, textured.mesh, textured.source, attributes, material);
+  }
+
+  /// `vertices`: of each vertex of the mesh, its number in the skin.
+  size_t add_primitive(size_t n, const std::string& name, const Mesh& mesh,
+                       const std::vector<uint32_t>& vertices, json attributes, size_t material) {
+    attributes["POSITION"] = out_.add_attribute(float_positions(mesh), vertices.size());
     std::vector<uint8_t> joints;
     std::vector<float> weights;
-    for (const recon::SkinInfluence& influence : skeleton_.skins[shown_[n]].influences) {
+    for (const uint32_t vertex : vertices) {
+      const recon::SkinInfluence& influence = skeleton_.skins[shown_[n]].influences[vertex];
       for (size_t k = 0; k < recon::SkinInfluence::kParts; ++k) {
         const bool is_used = influence.weight[k] > 0;
         joints.push_back(is_used ? static_cast<uint8_t>(influence.part[k]) : uint8_t{0});
@@ -164,15 +188,15 @@ class SkinnedScene {
     }
     VertexStream stream = make_stream("JOINTS_0", Component::kUint8, 4, joints);
     stream.normalised = false;
-    attributes["JOINTS_0"] = out_.add_attribute(stream, vertices);
-    attributes["WEIGHTS_0"] =
-        out_.add_attribute(make_stream("WEIGHTS_0", Component::kFloat, 4, weights), vertices);
+    attributes["JOINTS_0"] = out_.add_attribute(stream, vertices.size());
+    attributes["WEIGHTS_0"] = out_.add_attribute(
+        make_stream("WEIGHTS_0", Component::kFloat, 4, weights), vertices.size());
     std::vector<uint32_t> indices;
-    for (const auto& triangle : surface.triangles) {
+    for (const auto& triangle : mesh.triangles) {
       indices.insert(indices.end(), triangle.begin(), triangle.end());
     }
     const json primitive = {{"mode", kTriangles},
-                            {"material", material_},
+                            {"material", material},
                             {"attributes", attributes},
                             {"indices", out_.add_indices(indices)}};
     return out_.add("meshes", {{"name", name}, {"primitives", {primitive}}});
@@ -193,19 +217,22 @@ class SkinnedScene {
   }
 
   const TakeSkeleton& skeleton_;
+  std::span<const recon::TextureAtlas> textures_;  ///< of each body; none: colours of vertices
   double rate_hz_;
   size_t joints_ = 0;
   std::map<int64_t, const recon::SkeletonPulse*> pulses_;
   std::vector<size_t> shown_;  ///< bodies with a skin
   GltfDocument out_;
-  size_t root_ = 0, material_ = 0;
+  size_t root_ = 0;
+  size_t material_ = 0;  ///< of coloured meshes
   json animation_;
 };
 
 }  // namespace
 
-std::string skeleton_glb(const TakeSkeleton& skeleton, const std::string& name) {
-  return SkinnedScene(skeleton, name).write();
+std::string skeleton_glb(const TakeSkeleton& skeleton, const std::string& name,
+                         std::span<const recon::TextureAtlas> textures) {
+  return SkinnedScene(skeleton, name, textures).write();
 }
 
 }  // namespace v3d::ctl

@@ -11,9 +11,12 @@
 
 #include "recon/skeleton/kinematic_structure.h"
 #include "recon/skeleton/tracked_skeleton.h"
+#include "recon/texture/texture_atlas.h"
 #include "take/take.h"
 
 namespace v3d::ctl {
+
+class TexturePainter;
 
 struct TakeSkeleton {
   double rate_hz = 0;
@@ -51,8 +54,16 @@ std::string skeleton_trc(const TakeSkeleton& skeleton, const std::string& name);
 
 /// glTF 2.0 binary: an animated armature for each tracked segment, and its surface with a skin;
 /// shown in turn. Joints have the names of skeleton.json, and positions and rotations at each
-/// pulse. `name`: of the take. Throws InputError for a skeleton without a skin.
-std::string skeleton_glb(const TakeSkeleton& skeleton, const std::string& name);
+/// pulse. `name`: of the take. `textures`: skin_textures(), in place of the colours of vertices;
+/// empty: none. Throws InputError for a skeleton without a skin.
+std::string skeleton_glb(const TakeSkeleton& skeleton, const std::string& name,
+                         std::span<const recon::TextureAtlas> textures = {});
+
+/// A texture of each tracked surface, of `side` texels; empty for a surface without a skin. It has
+/// the colours at the rest pulse. A place that no camera sees then has the colours of another pulse
+/// of the segment, of which twelve are read. Throws std::runtime_error after an interrupt.
+std::vector<recon::TextureAtlas> skin_textures(const TakeSkeleton& skeleton,
+                                               TexturePainter& painter, int side);
 
 struct SimilarPose {
   int64_t pulse = 0;
