@@ -8,9 +8,11 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <exception>
 #include <iterator>
 #include <list>
 #include <mutex>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <thread>
@@ -104,16 +106,22 @@ class Bus::Impl {
   }
 
   void join_frame_groups(const FrameGroupSet& groups) {
+    std::exception_ptr failure;
     const std::lock_guard lock(mutex_);
     for (size_t i = 0; i < joined_groups_.size(); ++i) {
       if (!groups.contains(i)) {
         if (joined_groups_[i]) dropped_before_ += joined_groups_[i]->dropped();
         joined_groups_[i].reset();
       } else if (!joined_groups_[i]) {
-        joined_groups_[i] = std::make_shared<MulticastReceiver>(frame_urls_[i]);
+        try {
+          joined_groups_[i] = std::make_shared<MulticastReceiver>(frame_urls_[i]);
+        } catch (const std::runtime_error&) {
+          if (!failure) failure = std::current_exception();
+        }
       }
     }
     eventfd_write(changed_.get(), 1);
+    if (failure) std::rethrow_exception(failure);
   }
 
   HandlerRegistration subscribe(const std::string& channels, Handler handler, Accept accept) {

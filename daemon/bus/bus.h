@@ -67,7 +67,8 @@ class Bus {
   void announce_frame_key(const std::string& node);
   /// Joins these frame groups and leaves the others, so that the switch does not send their traffic
   /// to this PC. Every subscription receives from all joined groups. Has no effect when frames use
-  /// the common group. Throws std::runtime_error when a group cannot be joined.
+  /// the common group. Throws std::runtime_error when a group cannot be joined; all others are
+  /// joined then, and a repeated call tries that group again.
   void join_frame_groups(const FrameGroupSet& groups);
 
   /// Owns the registration of a handler. The destructor waits until the handler has returned and

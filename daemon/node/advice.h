@@ -95,6 +95,10 @@ inline constexpr char kMeshDisk[] =
 inline constexpr char kBehind[] =
     "The recording is not affected: v3dctl reconstruct TAKE makes every mesh later; a larger voxel "
     "is faster";
+inline constexpr char kFrameGroup[] =
+    "It is tried again until it succeeds. The frames are safe on the capture PCs: v3dctl "
+    "reconstruct "
+    "TAKE makes the missing meshes";
 inline constexpr char kMeshesMissing[] =
     "The frames are safe on the capture PCs: v3dctl reconstruct TAKE makes every mesh later";
 inline constexpr char kCameraDisplaced[] =

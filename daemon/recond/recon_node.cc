@@ -374,6 +374,9 @@ void ReconNode::report_health(wire::HealthMessage& health) {
   events_.report_condition(wire::Severity::kWarning, "share",
                            lost == 0 ? "" : "pulses that no node made a mesh of",
                            node::advice::kMeshesMissing);
+  events_.report_condition(wire::Severity::kAlarm, "network", counts.join_failure,
+                           node::advice::kFrameGroup);
+  if (!counts.join_failure.empty()) health.text = counts.join_failure;
   const bool behind = pipeline_ && counts.behind;
   events_.report_condition(wire::Severity::kWarning, "reconstruction",
                            behind ? "cannot keep up: drops pulses to show the newest" : "",

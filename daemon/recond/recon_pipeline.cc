@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 #include "base/core/error.h"
 #include "base/core/statistics.h"
@@ -82,7 +83,7 @@ std::unique_ptr<SharedTake> ReconPipeline::make_shared_take(
   if (!setup) return nullptr;
   const auto work = [this](recon::ReadySet set) { ready_.push(std::move(set), Monotonic::now()); };
   const auto ordered = [this](const wire::MeshMessage& mesh) { store(mesh); };
-  const auto receive = [this](const bus::FrameGroupSet& groups) { receive_groups(groups); };
+  const auto receive = [this](const bus::FrameGroupSet& groups) { return receive_groups(groups); };
   return std::make_unique<SharedTake>(*setup, bus_, SharedTake::Receivers{work, ordered, receive});
 }
 
@@ -139,7 +140,7 @@ void ReconPipeline::assemble() {
   }
 }
 
-void ReconPipeline::receive_groups(const bus::FrameGroupSet& groups) {
+bool ReconPipeline::receive_groups(const bus::FrameGroupSet& groups) {
   {
     const std::lock_guard lock(mutex_);
     for (const size_t group : groups) {
@@ -147,13 +148,17 @@ void ReconPipeline::receive_groups(const bus::FrameGroupSet& groups) {
       for (const std::string& camera : cameras_)
         sequences_.start_new_count(series_of(camera, group));
     }
-    groups_ = groups;
   }
+  std::string failure;
   try {
     bus_.join_frame_groups(groups);
-  } catch (const InputError& error) {
-    spdlog::warn("{}", error.what());
+  } catch (const std::runtime_error& error) {  // the network may come back
+    failure = error.what();
   }
+  const std::lock_guard lock(mutex_);
+  if (failure.empty()) groups_ = groups;
+  join_failure_ = std::move(failure);
+  return join_failure_.empty();
 }
 
 std::string ReconPipeline::series_of(const std::string& camera, size_t group) const {
@@ -386,6 +391,7 @@ ReconCounts ReconPipeline::counts() const {
   }
   const std::lock_guard lock(mutex_);
   counts.failure = failure_;
+  counts.join_failure = join_failure_;
   counts.quality = quality_;
   counts.frames_lost = sequences_.total().lost;
   for (const std::string& camera : cameras_) {

@@ -55,6 +55,8 @@ struct ReconCounts {
   /// Set where several nodes share the take. Then `meshes`, latencies and quality cover all nodes.
   std::optional<ShardCounts> shard{};
   std::vector<int64_t> without_mesh{};  ///< pulses of a shared take
+  /// Why a shared take cannot receive a frame group, which is tried again; empty: it receives all.
+  std::string join_failure{};
 };
 
 /// The stages that process a frame set: those of Reconstructor. They throw InputError for a set
@@ -138,7 +140,7 @@ class ReconPipeline {
   std::unique_ptr<SharedTake> make_shared_take(const std::optional<Shard::Setup>& setup);
   std::unique_ptr<LiveRepair> make_repair(std::optional<LiveRepair::Setup> setup);
   void assemble();
-  void receive_groups(const bus::FrameGroupSet& groups);
+  bool receive_groups(const bus::FrameGroupSet& groups);
   std::string series_of(const std::string& camera, size_t group) const;
   void record_arrival(const wire::FrameMessage& message);
   void dispatch(std::vector<recon::ReadySet> ready);
@@ -193,6 +195,7 @@ class ReconPipeline {
   mutable std::mutex mutex_;                    ///< guards the members below, until shared_
   bus::SequenceTracker sequences_;              ///< by camera and frame group
   std::optional<bus::FrameGroupSet> groups_{};  ///< that a shared take receives
+  std::string join_failure_;  ///< why it cannot receive a frame group; empty: it receives all
   std::map<int64_t, RealtimeInstant> edges_;
   std::vector<double> latencies_ms_;
   size_t next_latency_ = 0;

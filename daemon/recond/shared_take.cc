@@ -63,9 +63,8 @@ void SharedTake::process() {
   }
   for (const int64_t pulse : given_up) shard_.give_up(pulse);
   shard_.advance(Monotonic::now());
-  if (groups_ != shard_.frame_groups()) {
+  if (groups_ != shard_.frame_groups() && receivers_.on_frame_groups(shard_.frame_groups())) {
     groups_ = shard_.frame_groups();
-    receivers_.on_frame_groups(*groups_);
   }
   for (recon::ReadySet& set : shard_.pop_work()) receivers_.on_work(std::move(set));
   for (wire::MeshMessage& mesh : shard_.pop_to_publish()) {

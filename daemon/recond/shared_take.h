@@ -25,8 +25,9 @@ class SharedTake {
     std::function<void(recon::ReadySet)> on_work;
     /// The meshes of all nodes by ascending pulse, each once, before or after they are published.
     std::function<void(const wire::MeshMessage&)> on_ordered;
-    /// The frame groups to receive from now on.
-    std::function<void(const bus::FrameGroupSet&)> on_frame_groups;
+    /// The frame groups to receive from now on. False where one of them cannot be joined: called
+    /// again with each iteration of the thread and each set. Must not throw.
+    std::function<bool(const bus::FrameGroupSet&)> on_frame_groups;
   };
   /// `bus` must outlive this object.
   SharedTake(const Shard::Setup& setup, bus::Bus& bus, Receivers receivers);
@@ -71,7 +72,7 @@ class SharedTake {
 
   mutable std::mutex mutex_;  ///< guards the members below
   Shard shard_;
-  std::optional<bus::FrameGroupSet> groups_;  ///< last passed to on_frame_groups
+  std::optional<bus::FrameGroupSet> groups_;  ///< last for which on_frame_groups returned true
   int64_t published_seq_ = 0;
   int64_t status_seq_ = 0;
   MonotonicInstant next_status_;

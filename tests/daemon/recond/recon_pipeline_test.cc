@@ -1,15 +1,21 @@
 // The live reconstruction on real multicast, with stages that throw or are slow.
 #include "daemon/recond/recon_pipeline.h"
 
+#include <arpa/inet.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/socket.h>
 
 #include <atomic>
 #include <functional>
 #include <future>
+#include <optional>
 #include <semaphore>
 
 #include "base/core/error.h"
 #include "base/io/file.h"
+#include "base/io/unique_fd.h"
+#include "daemon/bus/multicast_socket.h"
 #include "recon_pipeline_on_bus.h"
 #include "support/child_process.h"
 #include "take/logs/mesh_file.h"
@@ -436,6 +442,31 @@ TEST_F(SharedPipelinesInGroups, take_over_the_group_of_a_node_that_ended) {
   ASSERT_TRUE(send_and_wait(kPulses, 2 * kPulses, one));
   EXPECT_EQ(one.pipeline->counts().frames_lost, 0);
   EXPECT_EQ(one.pipeline->counts().shard->taken_over, kPulses / 2);
+}
+
+TEST_F(SharedPipelinesInGroups, continue_when_a_group_cannot_be_joined_and_join_it_later) {
+  Node one(kGroups);
+  // Without SO_REUSEADDR, the port of the second group belongs to this socket.
+  std::optional<io::UniqueFd> foreign(bus::udp_socket());
+  sockaddr_in second{};
+  second.sin_family = AF_INET;
+  second.sin_port = htons(7669);
+  ASSERT_EQ(inet_pton(AF_INET, "239.255.76.69", &second.sin_addr), 1);
+  ASSERT_EQ(bind(foreign->get(), reinterpret_cast<const sockaddr*>(&second), sizeof second), 0);
+  begin(one, "recon01");  // without other nodes, it wants all groups
+  // Sent again and again, because another thread joins the group.
+  const auto has_mesh_of = [&](int64_t pulse) {
+    send(pulse);
+    return one.pipeline->counts().meshes == pulse + 1;
+  };
+  ASSERT_TRUE(becomes_true([&] { return has_mesh_of(0); }, within(30)))
+      << "the group that can be joined is received";
+  EXPECT_THAT(one.pipeline->counts().join_failure, testing::HasSubstr("239.255.76.69"));
+  foreign.reset();
+  ASSERT_TRUE(becomes_true([&] { return has_mesh_of(1); }, within(30)))
+      << "the other group is joined when it can be";
+  EXPECT_EQ(one.pipeline->counts().join_failure, "");
+  EXPECT_TRUE(one.pipeline->close());
 }
 
 }  // namespace
