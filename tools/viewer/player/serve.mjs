@@ -3,6 +3,7 @@
 import { createReadStream, statSync } from 'node:fs';
 import { createServer } from 'node:http';
 import { extname, join, normalize } from 'node:path';
+import { pipeline } from 'node:stream';
 import { fileURLToPath } from 'node:url';
 
 const TYPES = {
@@ -50,7 +51,7 @@ export function answerWithFile(folder, request, response) {
   if (range) headers['Content-Range'] = `bytes ${first}-${last}/${size}`;
   response.writeHead(range ? 206 : 200, { ...headers, 'Content-Length': last - first + 1 });
   if (request.method === 'HEAD' || size === 0) return response.end();
-  createReadStream(file, { start: first, end: last }).on('error', () => response.destroy()).pipe(response);
+  pipeline(createReadStream(file, { start: first, end: last }), response, () => undefined); // closes the file also when the client leaves
 }
 
 if (process.argv[1] === fileURLToPath(import.meta.url)) {

@@ -50,7 +50,7 @@ export class Backdrop {
   set(background: SceneBackground, url: (file: string) => string): void {
     this.uniforms.turn.value = MathUtils.degToRad(background.turn_deg);
     const file = background.image || background.video || background.sphere;
-    const what = `${background.colour} ${background.image && 'image'} ${background.sphere && 'sphere'} ${file}`;
+    const what = `${background.colour} ${background.image && 'image'} ${background.sphere && 'sphere'} ${file && url(file)}`;
     if (what === this.shown) return this.changed();
     this.clear();
     this.shown = what;
@@ -74,7 +74,7 @@ export class Backdrop {
         this.scene.background = texture;
       }
       this.changed();
-    }, undefined, () => this.trouble(`The background ${url} is not there.`));
+    }, undefined, () => this.shown === what && this.trouble(`The background ${url} is not there.`));
   }
 
   private showVideo(url: string): void {

@@ -246,24 +246,30 @@ export class Composition {
   }
 
   private async applyModels(): Promise<void> {
+    const application = ++this.applications;
+    const isLate = () => this.ended || application !== this.applications;
     const groups: Group[] = [];
-    for (const model of this.scene.models) {
+    for (const model of [...this.scene.models]) {
       const url = this.url(model.model);
       if (this.models.get(model)?.url !== url) this.models.set(model, { url, group: loadModel(url) });
       try {
         const group = await this.models.get(model)!.group;
+        if (isLate()) return;
         place(group, model);
         groups.push(group);
       } catch {
+        if (isLate()) return;
         this.trouble(`scene: ${url}`, `The model ${model.model} does not exist or is not a glTF file.`);
       }
     }
-    if (this.ended) return;
+    if (isLate()) return;
     this.modelsShown = this.scene.models.length;
     this.stage.setModels(groups);
     this.setTime(this.seconds);
   }
   private modelsShown = 0;
+  /** Number of calls of applyModels(), of which the last counts. */
+  private applications = 0;
 
   setTime(seconds: number): void {
     if (this.ended) return;

@@ -1,5 +1,6 @@
 // Fly controls: W A S D to move, Q and E for down and up, mouse or finger to turn.
 import { PerspectiveCamera, Vector3 } from 'three';
+import { takesText } from './page';
 
 const SPEED = 1.6; // metres a second
 const FAST_FACTOR = 3; // with Shift
@@ -18,7 +19,7 @@ export class Fly {
     canvas: HTMLCanvasElement,
   ) {
     addEventListener('keydown', (event) => {
-      if (this.on && event.code in KEYS && !event.ctrlKey && !event.metaKey) this.held.add(event.code);
+      if (this.on && event.code in KEYS && !takesText(event.target) && !event.ctrlKey && !event.metaKey) this.held.add(event.code);
       if (event.key === 'Shift') this.held.add('Shift');
     });
     addEventListener('keyup', (event) => {

@@ -222,11 +222,14 @@ class Viewer {
   /** A file of this computer. Its paths are relative to the takes of the studio. */
   private async openFile(file: File): Promise<void> {
     this.openAs({ take: null, scene: '' }, '', null);
+    const { opened } = this;
     try {
-      this.showScene(parseScene(await file.text()));
+      const text = await file.text();
+      if (opened !== this.opened) return;
+      this.showScene(parseScene(text));
       find('title').textContent = file.name;
     } catch (error) {
-      this.errors.set('scene', `${file.name}: ${(error as Error).message}`);
+      if (opened === this.opened) this.errors.set('scene', `${file.name}: ${(error as Error).message}`);
     }
   }
 

@@ -2,7 +2,8 @@ import { describe, expect, it, vi } from 'vitest';
 import { type ByteSource, HttpSource } from '../player/src/byte_source';
 import { crc32 } from '../player/src/crc32';
 import { entryAt, FrameStore, keyPulseOf, readEntries } from '../player/src/mesh_file';
-import { fields, frame, join, meshFile, record, text } from './mesh_bytes';
+import { TakeSequence } from '../player/src/sequence';
+import { fields, frame, join, keyFrame, meshFile, record, text } from './mesh_bytes';
 
 class Bytes implements ByteSource {
   reads = 0;
@@ -125,5 +126,19 @@ describe('frames and pulses', () => {
     vi.stubGlobal('fetch', async () => new Response(null, { status: 416 }));
     await expect(new HttpSource('mesh.v3d').read(9000, 10)).rejects.toThrow('shorter than before');
     vi.unstubAllGlobals();
+  });
+});
+
+describe('a damaged mesh', () => {
+  it('whose key frame would be later than itself is reported', async () => {
+    const damaged = keyFrame(5, 200);
+    new DataView(damaged.buffer).setBigInt64(40, 7n, true);
+    const bytes = meshFile([[4, keyFrame(4, 200)], [5, damaged], [7, keyFrame(7, 200)]]);
+    let pulse = -1;
+    const decoder = { wantViews: () => undefined, decode: (record: Uint8Array) => ((pulse = record[40]), 0), frame: () => ({ pulse }) };
+    const source = new Bytes(bytes);
+    const sequence = new TakeSequence(decoder as never, new FrameStore(source, await readEntries(source)));
+    await sequence.show(0, () => false);
+    await expect(sequence.show(1, () => false)).rejects.toThrow('Mesh 1 of this take is damaged.');
   });
 });

@@ -265,6 +265,20 @@ describe('a take that is played', () => {
     expect(motionParts).toEqual([0, PART]);
   });
 
+  it('without meshes is opened also when its tracked surface is requested meanwhile', async () => {
+    faults.set('size', status(404));
+    motion = new Uint8Array(PART + 10);
+    let answer = (_: Response) => {};
+    motionFaults = [() => new Response(null, { headers: { 'Content-Length': String(PART + 10) } }), () => new Promise((done) => (answer = done))];
+    const opened = work.open();
+    await pass(10);
+    work.setMotion('http://studio/takes/a/motion.v3d'); // the user presses M
+    answer(new Response(motion.slice(0, PART), { status: 206 }));
+    await pass(10);
+    await opened;
+    expect(posted.at(-1)).toMatchObject({ kind: 'opened', pulses: [5, 6], tracked: true });
+  });
+
   it('without meshes and without a motion file says so', async () => {
     faults.set('size', status(404));
     await expect(work.open()).rejects.toThrow('This take has no meshes yet.');

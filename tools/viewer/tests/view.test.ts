@@ -1,6 +1,7 @@
-import { Vector3, Vector4 } from 'three';
-import { describe, expect, it } from 'vitest';
+import { PerspectiveCamera, Vector3, Vector4 } from 'three';
+import { afterEach, describe, expect, it, vi } from 'vitest';
 import { parseAddress } from '../src/address';
+import { Fly } from '../src/fly';
 import { frameFacts, liveTexts, MAX_LIVE_AGE_MS } from '../src/facts';
 import { factsOf, gradeCamera } from '../src/node_health';
 import { eachForegroundRun, MessageClock, type NodeState, ServerClock, splitMessage } from '../src/message';
@@ -210,5 +211,25 @@ describe('the live picture', () => {
     expect(title).toBe('Last live mesh: kendo-06');
     expect(trouble).toContain('kendo-06');
     expect(trouble).toContain('has ended');
+  });
+});
+
+describe('fly controls', () => {
+  afterEach(() => vi.unstubAllGlobals());
+
+  it('ignore keys that are typed in a field', () => {
+    const page = new EventTarget();
+    vi.stubGlobal('addEventListener', page.addEventListener.bind(page));
+    const fly = new Fly(new PerspectiveCamera(), new EventTarget() as HTMLCanvasElement);
+    fly.on = true;
+    const press = (tagName: string) => {
+      const event = Object.assign(new Event('keydown'), { code: 'KeyW', key: 'w', ctrlKey: false, metaKey: false });
+      Object.defineProperty(event, 'target', { value: { tagName } });
+      page.dispatchEvent(event);
+    };
+    press('INPUT');
+    expect(fly.move(0.1)).toBe(false);
+    press('CANVAS');
+    expect(fly.move(0.1)).toBe(true);
   });
 });

@@ -34,6 +34,7 @@ export class TakeSequence {
   async show(n: number, obsolete: () => boolean): Promise<{ frame: Frame; bytes: number; views: CodedViews } | null> {
     const bytes = await this.store.frame(n);
     const key = this.keyOf(bytes);
+    if (key > n) throw new Error(`Mesh ${n} of this take is damaged.`);
     const from = this.last >= key && this.last < n ? this.last + 1 : key;
     for (let i = from; i <= n; ++i) {
       const status = this.decoder.decode(await this.store.frame(i));

@@ -62,6 +62,7 @@ export class TakeWork {
 
   private async openOnce(): Promise<void> {
     const source = new HttpSource(this.url, this.deadlineMs, this.requests.signal);
+    this.isAlone = false;
     const entries = await readEntries(source, (part) => this.scans(part)).catch(noneWithoutFile);
     if (this.ended) return;
     if (entries.length > 0) {
@@ -96,6 +97,7 @@ export class TakeWork {
   /** Opens motion.v3d beside the missing meshes. */
   private async openTracked(): Promise<void> {
     const url = new URL('motion.v3d', this.url).href;
+    this.isAlone = true;
     this.pulses = await this.motion.openAlone(url).catch((error) => {
       throw error instanceof NoSuchFile ? new Error('This take has no meshes yet.') : error;
     });
@@ -114,8 +116,10 @@ export class TakeWork {
 
   /** Shows tracked surfaces from this file; null: meshes. */
   setMotion(url: string | null): void {
-    void this.motion.open(url);
+    if (!this.isAlone) void this.motion.open(url); // else the same file, of which a second opening would end the first
   }
+  /** Without meshes, the tracked surfaces are the take. */
+  private isAlone = false;
 
   setPoints(points: TrailPoint[]): void {
     this.motion.points = points;
