@@ -312,6 +312,26 @@ test('saves an edited scene', async () => {
   assert.equal(saved.camera.keys.length, 3);
 });
 
+test('shows the take that was opened while a scene file was read', async () => {
+  // The page reads the file when release() is called.
+  await page.evaluate(() => {
+    const { text } = File.prototype;
+    File.prototype.text = async function () {
+      await new Promise((done) => (window.release = done));
+      return text.call(this);
+    };
+  });
+  await page.setInputFiles('#scene-file', { name: 'late.json', mimeType: 'application/json', buffer: Buffer.from(JSON.stringify(duel)) });
+  await page.waitForFunction(() => window.release);
+  await page.click('[data-take=ball]');
+  await shows('title', 'ball');
+  await page.evaluate(() => window.release());
+  await probe.settled();
+  assert.equal(await text('title'), 'ball');
+  assert.ok(await page.isHidden('#scene-panel'));
+  await page.reload();
+});
+
 test('reports the invalid field of a scene', async () => {
   writeFileSync(join(folder, 'takes/duel/scene.json'), JSON.stringify({ ...duel, seconds: 'long' }));
   await open('scene=duel&at=1');

@@ -2,7 +2,7 @@
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
 import { once } from 'node:events';
-import { mkdirSync, mkdtempSync, readdirSync, readFileSync, rmSync, symlinkSync, writeFileSync } from 'node:fs';
+import { mkdirSync, mkdtempSync, readdirSync, readFileSync, readlinkSync, rmSync, symlinkSync, truncateSync, writeFileSync } from 'node:fs';
 import { createServer, get } from 'node:http';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
@@ -41,6 +41,36 @@ test('is tried by a server that survives invalid addresses', async () => {
     assert.equal(await statusOf('/package.json'), 200);
   } finally {
     server.close();
+  }
+});
+
+test('is tried by a server that closes a file when the browser gives up', async () => {
+  const folder = mkdtempSync(join(tmpdir(), 'v3d-serve-'));
+  const file = join(folder, 'texture.mp4');
+  writeFileSync(file, '');
+  truncateSync(file, 200 << 20); // larger than the buffers of the connection
+  const server = createServer((request, response) => answerWithFile(folder, request, response));
+  server.listen(0, '127.0.0.1');
+  await once(server, 'listening');
+  const isOpen = () => readdirSync('/proc/self/fd').some((fd) => {
+    try {
+      return readlinkSync(`/proc/self/fd/${fd}`) === file;
+    } catch {
+      return false; // closed meanwhile
+    }
+  });
+  try {
+    const request = get({ port: server.address().port, host: '127.0.0.1', path: '/texture.mp4' });
+    const [response] = await once(request, 'response');
+    await once(response, 'data');
+    assert.ok(isOpen());
+    response.destroy();
+    for (const until = Date.now() + 20_000; isOpen(); await new Promise((done) => setTimeout(done, 20))) {
+      assert.ok(Date.now() < until, 'the file is still open');
+    }
+  } finally {
+    server.close();
+    rmSync(folder, { recursive: true });
   }
 });
 
