@@ -10,7 +10,7 @@ namespace {
 constexpr double kFullScale = 2147483648.0;
 /// Deviation of a length that is estimated from one time stamp.
 constexpr Duration kEstimate = std::chrono::milliseconds(2);
-/// A longer gap comes from a damaged time stamp.
+/// Of silence in the file: a time stamp may be damaged.
 constexpr int64_t kMaxGapSeconds = 600;
 
 PulseMapper::Setup mapper_setup(const SoundTrack::Setup& setup) {
@@ -63,9 +63,11 @@ int64_t SoundTrack::add(const SoundBlock& block) {
     // Unknown before the first stamps: then the gap is closed up. Soon after another gap, the
     // estimate from before that gap counts.
     const double expected = clock_.has_estimate() ? clock_.sample_at(block.at) : 0;
-    silence = std::clamp<int64_t>(std::llround(expected) - length - samples_, 0,
-                                  kMaxGapSeconds * setup_.sound.rate_hz);
-    add_silence(silence, kEstimate);
+    const int64_t lost = std::max<int64_t>(0, std::llround(expected) - length - samples_);
+    silence = std::min<int64_t>(lost, kMaxGapSeconds * setup_.sound.rate_hz);
+    // The clocks must follow by the part of a longer gap that the file does not have.
+    const double missing_s = static_cast<double>(lost - silence) / setup_.sound.rate_hz;
+    add_silence(silence, kEstimate + from_seconds(missing_s));
   } else if (block.position > next_position_) {
     silence = block.position - next_position_;
     add_silence(silence, Duration(0));
@@ -81,6 +83,7 @@ int64_t SoundTrack::add(const SoundBlock& block) {
 
 void SoundTrack::add_silence(int64_t samples, Duration deviation) {
   ++xruns_;
+  lost_samples_ += samples;
   if (gaps_.size() < kMaxGaps) gaps_.push_back({.sample = samples_, .samples = samples});
   clock_.add_gap(deviation);
   mapper_.add_gap(samples_, samples, deviation);

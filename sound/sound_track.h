@@ -54,6 +54,7 @@ class SoundTrack {
 
   int64_t samples() const { return samples_; }                 ///< with silence
   int64_t xruns() const { return xruns_; }                     ///< gaps
+  int64_t lost_samples() const { return lost_samples_; }       ///< silence of all gaps
   const std::vector<SoundGap>& gaps() const { return gaps_; }  ///< the first kMaxGaps
   MappedPulses pulses() const { return mapper_.result(); }
   const std::optional<TimecodeTrack>& timecode() const { return timecode_; }
@@ -78,6 +79,7 @@ class SoundTrack {
   int64_t next_position_ = 0;
   int64_t device_xruns_ = 0;
   int64_t xruns_ = 0;
+  int64_t lost_samples_ = 0;
   std::vector<SoundGap> gaps_;
   std::vector<double> peaks_;
 };

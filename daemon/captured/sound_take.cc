@@ -151,8 +151,8 @@ take::SoundLedger SoundTake::describe() const {
   ledger.xruns = track_.xruns();
   for (const sound::SoundGap& gap : track_.gaps()) {
     ledger.gaps.push_back({static_cast<double>(gap.sample), static_cast<double>(gap.samples)});
-    ledger.lost_samples += gap.samples;
   }
+  ledger.lost_samples = track_.lost_samples();
   // LTC is known without pulses, too.
   take::describe_track(track_, first_pulse_ ? first_pulse_->pulse : 0,
                        last_pulse_ ? last_pulse_->pulse : 0, ledger);

@@ -249,5 +249,49 @@ TEST(SimulatedSound, delivers_consecutive_blocks_with_the_pulses_that_came) {
   EXPECT_THAT(peaks[1], DoubleNear(0.5, 0.01));
 }
 
+TEST(SoundTrack, maps_pulses_after_a_gap_that_is_longer_than_the_longest_silence) {
+  constexpr int kLowRate = 8000;
+  constexpr double kPeriod = 0.04, kAwayFrom = 60, kAwayUntil = 960, kEnd = 1080;
+  SoundTrack track({.sound = {.channels = 1, .rate_hz = kLowRate}});
+  int64_t pulse = 0, position = 0, xruns = 0;
+  const auto add_pulses_until = [&](double end) {
+    for (; static_cast<double>(pulse) * kPeriod <= end; ++pulse) {
+      track.add_pulse(pulse, at_sample(static_cast<double>(pulse) * kPeriod * kLowRate, kLowRate));
+    }
+  };
+  const auto record = [&](double begin, double end) {
+    for (int64_t n = 0; n < std::llround((end - begin) * 100); ++n, position += 80) {
+      const double now = begin + static_cast<double>(n + 1) / 100;
+      add_pulses_until(now);
+      track.add({.position = position,
+                 .xruns = xruns,
+                 .at = at_sample(now * kLowRate, kLowRate),
+                 .values = std::vector<int32_t>(80)});
+    }
+  };
+  record(0, kAwayFrom);
+  add_pulses_until(kAwayUntil);
+  ++xruns;
+  record(kAwayUntil, kEnd);
+  track.finish();
+  for (const double at : {970.0, 1020.0}) {
+    const double in_file = static_cast<double>(track.samples()) / kLowRate - (kEnd - at);
+    EXPECT_NEAR(track.pulses().map.sample_of(at / kPeriod) / kLowRate, in_file, 0.02) << at;
+  }
+}
+
+TEST(SoundTrack, counts_the_lost_samples_of_more_gaps_than_it_lists) {
+  SoundTrack track({.sound = {.channels = 1}});
+  int64_t silence = 0;
+  for (int64_t n = 0; n < 1500; ++n) {
+    silence += track.add({.position = 2 * kBlock * n,
+                          .at = at_sample(static_cast<double>(2 * kBlock * n)),
+                          .values = std::vector<int32_t>(kBlock)});
+  }
+  EXPECT_EQ(track.gaps().size(), SoundTrack::kMaxGaps);
+  EXPECT_EQ(silence, 1499 * kBlock);
+  EXPECT_EQ(track.lost_samples(), silence);
+}
+
 }  // namespace
 }  // namespace v3d::sound
