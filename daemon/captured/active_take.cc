@@ -4,6 +4,8 @@
 #include <map>
 #include <utility>
 
+#include "base/config/studio_values.h"
+#include "base/core/error.h"
 #include "base/core/text.h"
 #include "capture/sync/pulse_times.h"
 #include "daemon/captured/pulse_recorder.h"
@@ -21,6 +23,11 @@ constexpr Duration kMaxReadDelay = std::chrono::milliseconds(100);
 /// Time to collect the plates of the background, in addition to the duration of their train.
 constexpr Duration kPlateTimeout = std::chrono::seconds(15);
 
+constexpr int64_t kMinPlates = 2;
+constexpr int64_t kMaxPlates = 256;  // all are in memory at the same time
+/// Before a take has kMaxPulses, for the pulses until the train has ended.
+constexpr double kLengthMarginSeconds = 10;
+
 std::map<std::string, ChromaKey> chroma_keys(const Studio& studio) {
   std::map<std::string, ChromaKey> keys;
   for (const StudioCamera& camera : studio.cameras) keys[camera.name] = camera.chroma_key;
@@ -28,6 +35,27 @@ std::map<std::string, ChromaKey> chroma_keys(const Studio& studio) {
 }
 
 }  // namespace
+
+void check_order(const wire::CommandMessage& order) {
+  if (order.rate_hz != 0 && !is_pulse_rate(order.rate_hz)) {
+    throw InputError(pulse_rate_error(order.rate_hz));
+  }
+  const bool learns = order.verb == wire::CommandVerb::kBackground;
+  if (learns && order.pulses != 0 && (order.pulses < kMinPlates || order.pulses > kMaxPlates)) {
+    throw InputError("a background of " + std::to_string(order.pulses) +
+                     " pulses is not possible; expected 2 to 256");
+  }
+  if (order.pulses > take::kMaxPulses) {
+    throw InputError("a take of " + format_count(order.pulses) +
+                     " pulses is not possible; expected at most " + format_count(take::kMaxPulses));
+  }
+}
+
+std::string length_stop_reason(const trigger::PulseTrain& train, int64_t commanded) {
+  const auto margin = static_cast<int64_t>(kLengthMarginSeconds * train.rate_hz);
+  if (train.count || commanded < take::kMaxPulses - margin) return "";
+  return "it has about as many pulses as a take can have, " + format_count(take::kMaxPulses);
+}
 
 Duration idle_time_after_train(double rate_hz) {
   return std::clamp<Duration>(10 * period_of(rate_hz), capture::PulseTimes::kMaxSenseDelay,

@@ -35,6 +35,13 @@ struct TakeResult {
   TakeCounts counts;
 };
 
+/// Throws InputError for implausible values, because commands come from the network.
+void check_order(const wire::CommandMessage& order);
+
+/// Why a train without a number of pulses must end: a longer take could not be read. Empty: it may
+/// continue. `commanded`: its pulses so far.
+std::string length_stop_reason(const trigger::PulseTrain& train, int64_t commanded);
+
 /// Idle time after which an ended train counts as drained: ten periods, at least
 /// PulseTimes::kMaxSenseDelay, at most 1 s.
 Duration idle_time_after_train(double rate_hz);

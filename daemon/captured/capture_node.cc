@@ -24,22 +24,8 @@ constexpr int64_t kDefaultPlates = 16;
 constexpr int64_t kDefaultCheckPulses = 100;
 /// A check waits no longer for a camera, because it reports missing cameras.
 constexpr Duration kCheckReadyTimeout = std::chrono::seconds(5);
-constexpr int64_t kMinPlates = 2;
-constexpr int64_t kMaxPlates = 256;  // all are in memory at the same time
 /// A frame that is this many periods late counts as missing in health.
 constexpr int64_t kLatePeriods = 5;
-
-/// Rejects implausible values, because commands come from the network.
-void check_order(const wire::CommandMessage& order) {
-  if (order.rate_hz != 0 && !is_pulse_rate(order.rate_hz)) {
-    throw InputError(pulse_rate_error(order.rate_hz));
-  }
-  const bool learns = order.verb == wire::CommandVerb::kBackground;
-  if (learns && order.pulses != 0 && (order.pulses < kMinPlates || order.pulses > kMaxPlates)) {
-    throw InputError("a background of " + std::to_string(order.pulses) +
-                     " pulses is not possible; expected 2 to 256");
-  }
-}
 
 std::vector<std::string> other_capture_nodes(const Studio& studio, const std::string& node) {
   std::vector<std::string> others;
@@ -274,12 +260,12 @@ std::optional<control::NodeReport> CaptureNode::poll_learning() {
 }
 
 std::optional<control::NodeReport> CaptureNode::poll_recording() {
-  const std::string full = check_disks();
-  if (!full.empty())
-    return control::NodeReport{.event = control::Input::kTrainEnded, .text = full, .detail = {}};
-  if (!trigger_.train_has_ended(plan_.order.take)) return std::nullopt;
+  std::string reason = check_disks();
+  if (reason.empty()) reason = check_length();
+  if (reason.empty() && trigger_.train_has_ended(plan_.order.take)) reason = "pulses have ended";
+  if (reason.empty()) return std::nullopt;
   return control::NodeReport{
-      .event = control::Input::kTrainEnded, .text = "pulses have ended", .detail = {}};
+      .event = control::Input::kTrainEnded, .text = std::move(reason), .detail = {}};
 }
 
 std::optional<control::NodeReport> CaptureNode::poll_draining() {
@@ -354,6 +340,15 @@ std::string CaptureNode::check_disks() {
   const std::string why = disk_is_full_ ? here : "the disk of " + elsewhere + " is full or broken";
   events_.send(wire::Severity::kAlarm, "take", plan_.order.take + " was stopped: " + why,
                node::advice::kTakeEnded);
+  return why;
+}
+
+std::string CaptureNode::check_length() {
+  const std::string why = length_stop_reason(plan_.train, take_->counts().commanded);
+  if (!why.empty()) {
+    events_.send(wire::Severity::kAlarm, "take", plan_.order.take + " was stopped: " + why,
+                 node::advice::kTakeIsLong);
+  }
   return why;
 }
 

@@ -88,6 +88,9 @@ class CaptureNode : public control::NodeDelegate {
   /// Why a full or broken disk, here or on another node, ends the take; empty if none does. Sends
   /// events about disks and frame queues.
   std::string check_disks();
+  /// Returns why the take must end because of its number of pulses, and sends an alarm; empty: it
+  /// may continue.
+  std::string check_length();
   std::string fault_text() const;
   void report_take(const TakeCounts& counts, wire::HealthMessage& health) const;
   /// Connection and scene of the lamps, and an event about a fault.

@@ -51,6 +51,7 @@ inline constexpr char kStaysOpen[] =
 inline constexpr char kTakeEnded[] =
     "What was recorded is kept; before the next take make room (v3dctl takes lists the "
     "takes), or check the disk (journalctl -k)";
+inline constexpr char kTakeIsLong[] = "What was recorded is kept; arm the next take";
 inline constexpr char kTrigger[] =
     "Stop the take; check the trigger's cable and power, then arm again";
 inline constexpr char kActionCommands[] =

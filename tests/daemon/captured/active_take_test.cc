@@ -10,10 +10,12 @@
 #include <cerrno>
 #include <thread>
 
+#include "base/core/error.h"
 #include "base/io/process.h"
 #include "daemon/node/take_folder.h"
 #include "support/child_process.h"
 #include "support/fsync_hook.h"
+#include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/ledger/verify.h"
 #include "trigger/cable_server.h"
@@ -37,6 +39,23 @@ int64_t logged_pulses(const take::TakePaths& take) {
   const EdgeTimes edges = read_edge_times(take, problems);
   EXPECT_THAT(problems, testing::IsEmpty());
   return std::ssize(edges);
+}
+
+TEST(CheckOrder, refuses_a_take_that_could_not_be_read) {
+  wire::CommandMessage order{.verb = wire::CommandVerb::kArm, .pulses = take::kMaxPulses};
+  check_order(order);
+  order.pulses += 1;
+  EXPECT_EQ(test::message_of<InputError>([&] { check_order(order); }),
+            "a take of 10,000,001 pulses is not possible; expected at most 10,000,000");
+}
+
+TEST(LengthStopReason, ends_an_unlimited_train_before_its_take_is_too_long_to_be_read) {
+  const trigger::PulseTrain unlimited{.rate_hz = 25, .width = {}, .count = {}};
+  EXPECT_EQ(length_stop_reason(unlimited, take::kMaxPulses - 251), "");
+  EXPECT_THAT(length_stop_reason(unlimited, take::kMaxPulses - 250),
+              testing::HasSubstr("10,000,000"));
+  const trigger::PulseTrain limited{.rate_hz = 25, .width = {}, .count = take::kMaxPulses};
+  EXPECT_EQ(length_stop_reason(limited, take::kMaxPulses), "") << "it ends by itself";
 }
 
 TEST(IdleTimeAfterTrain, is_never_shorter_than_a_pulse_may_be_sensed_late) {

@@ -281,7 +281,7 @@ void add_arm(CommandLine& line) {
       .check(pulse_rate());
   command.add_option("--pulses", options->message.pulses, "End after N pulses (otherwise at stop)")
       .type_name("N")
-      .check(cli::positive_number());
+      .check(cli::integer_in(1, take::kMaxPulses));
   command.add_option("--allow-missing", options->allow_missing, "Record also without these cameras")
       .type_name("CAM,...");
   line.on_run(command, [&line, options] { return run_arm(line, *options); });
