@@ -156,11 +156,22 @@ bool lost(const SurfaceCamera& camera, const Vector2f& pixel) {
   return true;
 }
 
+/// The picture of this scale; null where the camera has none.
+const Luminance* picture_of(const SurfaceCamera& camera, float scale) {
+  for (int level = 0; level < SurfaceCamera::kLevels; ++level) {
+    if (camera.picture(level).scale() == scale) return &camera.picture(level);
+  }
+  return nullptr;
+}
+
 }  // namespace
 
 float static_weight(const SurfaceCamera& now, const SurfaceCamera& then, const Vector2f& pixel) {
   if (lost(then, pixel)) return 0;
-  const auto change = difference(now.picture(kLevel), then.picture(kLevel), pixel);
+  // A performer who comes nearer or goes away changes the number of halvings by one.
+  const float scale = std::max(now.picture(kLevel).scale(), then.picture(kLevel).scale());
+  const Luminance *a = picture_of(now, scale), *b = picture_of(then, scale);
+  const auto change = a != nullptr && b != nullptr ? difference(*a, *b, pixel) : std::nullopt;
   return change ? std::clamp((kMoving - *change) / (kMoving - kStill), 0.0F, 1.0F) : 0;
 }
 

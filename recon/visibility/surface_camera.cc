@@ -18,7 +18,7 @@ SurfaceCamera::SurfaceCamera(const DeformCamera& camera, int halvings)
     : frame_(camera.frame),
       lens_(camera_of_metres(*camera.model)),
       center_(camera.model->center().cast<float>()) {
-  pictures_[0] = Luminance(*frame_);
+  pictures_[0] = Luminance(*frame_, 1 << (halvings + kLevels - 1));
   for (; halvings > 0; --halvings) pictures_[0] = pictures_[0].halved();
   for (int level = 1; level < kLevels; ++level) {
     pictures_[level] = pictures_[level - 1].halved();
@@ -123,12 +123,29 @@ std::vector<uint8_t> brightness_of(const Image& image) {
   return out;
 }
 
+/// The rows of `inner`, of the size of the roi, with columns and rows before them that repeat the
+/// first ones.
+std::vector<uint8_t> extended(std::vector<uint8_t> inner, const Rect& roi, int left, int above) {
+  if (left == 0 && above == 0) return inner;
+  std::vector<uint8_t> rows;
+  rows.reserve(static_cast<size_t>(roi.width + left) * static_cast<size_t>(roi.height + above));
+  for (int y = -above; y < roi.height; ++y) {
+    const uint8_t* row = inner.data() + static_cast<ptrdiff_t>(std::max(y, 0)) * roi.width;
+    rows.insert(rows.end(), static_cast<size_t>(left), row[0]);
+    rows.insert(rows.end(), row, row + roi.width);
+  }
+  return rows;
+}
+
 }  // namespace
 
-Luminance::Luminance(const Frame& frame)
-    : first_u_(static_cast<float>(frame.roi.x0 - kBorder) + 0.5F),
-      first_v_(static_cast<float>(frame.roi.y0 - kBorder) + 0.5F) {
-  put_together(brightness_of(frame.image), frame.roi.width, frame.roi.height);
+Luminance::Luminance(const Frame& frame, int alignment) {
+  const Rect& roi = frame.roi;
+  const int left = roi.x0 % alignment, above = roi.y0 % alignment;
+  first_u_ = static_cast<float>(roi.x0 - left - kBorder) + 0.5F;
+  first_v_ = static_cast<float>(roi.y0 - above - kBorder) + 0.5F;
+  put_together(extended(brightness_of(frame.image), roi, left, above), roi.width + left,
+               roi.height + above);
 }
 
 /// `inner` with its border, in quads.
@@ -160,7 +177,7 @@ void Luminance::put_together(const std::vector<uint8_t>& inner, int width, int h
 Luminance Luminance::halved() const {
   Luminance half;
   half.scale_ = scale_ / 2;
-  // The border is even, and so is the roi's corner: pairs begin at its first pixel.
+  // The border is even: pairs begin at the first pixel of the picture.
   const int width = (width_ - 2 * kBorder) / 2, height = (height_ - 2 * kBorder) / 2;
   std::vector<uint8_t> inner(static_cast<size_t>(std::max(width, 1)) * std::max(height, 1));
   for (int y = 0; y < std::max(height, 1); ++y) {

@@ -26,8 +26,10 @@ class Luminance {
   static constexpr int kBorder = 24;  ///< pixels on each side
 
   Luminance() = default;
-  /// Requires a frame with pixels: its roi is not empty.
-  explicit Luminance(const Frame& frame);
+  /// Requires a frame with pixels: its roi is not empty. The picture begins at a multiple of
+  /// `alignment` pixels, so that the lattice of a halved one does not depend on the roi: 2 for one
+  /// halving, 4 for two.
+  explicit Luminance(const Frame& frame, int alignment = 1);
   /// Half the resolution: means of 2 x 2 pixels.
   Luminance halved() const;
 

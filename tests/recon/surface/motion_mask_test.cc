@@ -83,6 +83,30 @@ TEST(MotionMask, is_0_more_than_three_pixels_outside_the_other_silhouette) {
   EXPECT_EQ(static_weight(current, then.seen(), {57.5F, 55.5F}), 0);
 }
 
+TEST(MotionMask, does_not_depend_on_where_the_box_of_the_silhouette_begins) {
+  for (const int halvings : {0, 1, 2}) {
+    Picture now, then;
+    for (int y = 0; y < kSize.height; ++y) {
+      for (int x = 0; x < kSeen.x0 + 2; ++x) then.mask.set(x, y, false);
+    }
+    now.frame = observe("cam", {}, now.raw.view(), now.mask);
+    then.frame = observe("cam", {}, then.raw.view(), then.mask);
+    ASSERT_EQ(then.frame.roi.x0, now.frame.roi.x0 + 2);
+    const SurfaceCamera a({&now.model, &now.frame}, halvings);
+    const SurfaceCamera b({&then.model, &then.frame}, halvings);
+    EXPECT_EQ(static_weight(a, b, kMiddle), 1) << halvings << " halvings";
+  }
+}
+
+TEST(MotionMask, compares_pictures_of_the_same_resolution) {
+  Picture now, then;
+  now.frame = observe("cam", {}, now.raw.view(), now.mask);
+  then.frame = observe("cam", {}, then.raw.view(), then.mask);
+  const SurfaceCamera fine({&now.model, &now.frame}, 0), coarse({&then.model, &then.frame}, 1);
+  EXPECT_EQ(static_weight(fine, coarse, kMiddle), 1);
+  EXPECT_EQ(static_weight(coarse, fine, kMiddle), 1);
+}
+
 TEST(MotionMask, is_0_beyond_the_border_of_a_picture) {
   Picture now, then;
   const SurfaceCamera& current = now.seen();
