@@ -147,6 +147,8 @@ recon::FrameSetOptions sets_of(const Studio& studio, const wire::CommandMessage&
     throw InputError("all cameras may be missing; expected one at least that is required");
   }
   options.deadline = from_seconds(studio.reconstruction.deadline_ms * 1e-3);
+  options.max_open = open_sets_of(options.deadline,
+                                  command.rate_hz > 0 ? command.rate_hz : studio.trigger.rate_hz);
   return options;
 }
 

@@ -19,8 +19,14 @@ constexpr size_t kFrameQueue = 256;
 constexpr size_t kPulseQueue = 256;
 /// Pulses whose edge time is kept for the latency.
 constexpr size_t kMaxEdges = 512;
+constexpr int kMinOpenSets = 16, kMaxOpenSets = 64;
 
 }  // namespace
+
+int open_sets_of(Duration deadline, double rate_hz) {
+  const double pulses = std::ceil(to_seconds(deadline) * rate_hz) + 1;
+  return static_cast<int>(std::clamp<double>(pulses, kMinOpenSets, kMaxOpenSets));
+}
 
 MeshStages stages_of(const std::shared_ptr<recon::Reconstructor>& reconstructor) {
   return {

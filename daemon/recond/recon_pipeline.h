@@ -26,6 +26,10 @@
 
 namespace v3d::recond {
 
+/// How many pulses may wait for frames at a time, so that each can wait for `deadline`: 16 to 64,
+/// because their frames are in memory.
+int open_sets_of(Duration deadline, double rate_hz);
+
 struct ReconCounts {
   int64_t meshes = 0;
   int64_t dropped = 0;          ///< pulses dropped because this machine could not keep up

@@ -27,6 +27,12 @@ namespace {
 using test::becomes_true;
 using test::within;
 
+TEST(OpenSets, are_as_many_as_pulses_come_until_the_deadline) {
+  EXPECT_EQ(open_sets_of(std::chrono::milliseconds(200), 25), 16) << "at least";
+  EXPECT_EQ(open_sets_of(std::chrono::milliseconds(2000), 25), 51);
+  EXPECT_EQ(open_sets_of(std::chrono::minutes(1), 25), 64) << "at most";
+}
+
 TEST_F(ReconPipelineOnBus, counts_a_pulse_whose_stage_throws_and_continues) {
   begin({.make_mesh = name_pulse, .encode = [](recon::FrameSetJob& work) {
            if (work.result.pulse == 3) throw InputError("the surface is too large");
