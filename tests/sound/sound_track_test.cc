@@ -38,6 +38,13 @@ MonotonicInstant at_sample(double sample, int rate_hz = kRate) {
   return from_ns<Monotonic>(std::llround(1e9 * (5 + sample / rate_hz)));
 }
 
+StudioSound one_channel(int rate_hz = kRate) {
+  StudioSound sound;
+  sound.channels = 1;
+  sound.rate_hz = rate_hz;
+  return sound;
+}
+
 /// Ten seconds of a device: silence, pulses at 25 Hz from second 1 on, and LTC from 10:00:00:00.
 class Recording {
  public:
@@ -252,7 +259,7 @@ TEST(SimulatedSound, delivers_consecutive_blocks_with_the_pulses_that_came) {
 TEST(SoundTrack, maps_pulses_after_a_gap_that_is_longer_than_the_longest_silence) {
   constexpr int kLowRate = 8000;
   constexpr double kPeriod = 0.04, kAwayFrom = 60, kAwayUntil = 960, kEnd = 1080;
-  SoundTrack track({.sound = {.channels = 1, .rate_hz = kLowRate}});
+  SoundTrack track({.sound = one_channel(kLowRate)});
   int64_t pulse = 0, position = 0, xruns = 0;
   const auto add_pulses_until = [&](double end) {
     for (; static_cast<double>(pulse) * kPeriod <= end; ++pulse) {
@@ -281,7 +288,7 @@ TEST(SoundTrack, maps_pulses_after_a_gap_that_is_longer_than_the_longest_silence
 }
 
 TEST(SoundTrack, counts_the_lost_samples_of_more_gaps_than_it_lists) {
-  SoundTrack track({.sound = {.channels = 1}});
+  SoundTrack track({.sound = one_channel()});
   int64_t silence = 0;
   for (int64_t n = 0; n < 1500; ++n) {
     silence += track.add({.position = 2 * kBlock * n,
