@@ -3,8 +3,10 @@
 # V3D-BOOT; the boot menu (grub.cfg) explains its variables.
 #
 # Its first 512 bytes hold all variables, and it is written in place, in one request: a disk writes a sector whole or not at
-# all. A file that a power cut damaged all the same is like a missing one: the slots start in turn. A missing one is made with
-# the next change.
+# all. A file that a power cut damaged all the same is like a missing one. Without it, the boot menu starts slot A, or B where A
+# cannot be read, and counts no starts. A missing file is made with the next change.
+#
+# Without the file, both slots are "unknown": they may start, but neither is on trial, because the other one may be empty.
 
 # booted_slot: the slot that runs, A or B.
 booted_slot() { sed -n 's/.*\bv3d\.slot=\([AB]\)\b.*/\1/p' "${cmdline:-/proc/cmdline}"; }
@@ -12,13 +14,13 @@ other_slot() { if [ "$1" = A ]; then echo B; else echo A; fi; }
 
 # read_slots FILE: sets ORDER, A_STATE, A_TRIES, B_STATE and B_TRIES. The file may be missing.
 read_slots() {
-  ORDER='A B' A_STATE=trial A_TRIES=3 B_STATE=trial B_TRIES=3
+  ORDER='A B' A_STATE=unknown A_TRIES=3 B_STATE=unknown B_TRIES=3
   [ -f "$1" ] || return 0
   while IFS='=' read -r name value; do
     case $name=$value in
       ORDER='A B' | ORDER='B A') ORDER=$value ;;
-      A_STATE=good | A_STATE=trial | A_STATE=bad) A_STATE=$value ;;
-      B_STATE=good | B_STATE=trial | B_STATE=bad) B_STATE=$value ;;
+      A_STATE=good | A_STATE=trial | A_STATE=bad | A_STATE=unknown) A_STATE=$value ;;
+      B_STATE=good | B_STATE=trial | B_STATE=bad | B_STATE=unknown) B_STATE=$value ;;
       A_TRIES=[0-3]) A_TRIES=$value ;;
       B_TRIES=[0-3]) B_TRIES=$value ;;
     esac
