@@ -126,5 +126,10 @@ TEST(SerialPort, reports_a_silent_or_unplugged_instrument_and_a_device_that_is_n
             "/dev/null: is not a serial port; expected one such as /dev/ttyUSB0");
 }
 
+TEST(SerialPort, that_the_unit_or_the_mode_of_its_file_forbids_has_advice_for_each) {
+  EXPECT_THAT(open_advice(EPERM), HasSubstr("DeviceAllow="));
+  EXPECT_THAT(open_advice(EACCES), HasSubstr("group dialout"));
+}
+
 }  // namespace
 }  // namespace v3d::trigger

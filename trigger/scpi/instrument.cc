@@ -22,6 +22,14 @@ std::unique_ptr<Instrument> open_instrument(const StudioInstrument& address) {
   return std::make_unique<Usbtmc>(open_usb_port(address));
 }
 
+std::string open_advice(int error_number) {
+  // The device filter of systemd (cgroup) gives EPERM, the mode of the file EACCES.
+  if (error_number == EPERM) {
+    return "does DeviceAllow= of the unit v3d-captured@.service allow this device?";
+  }
+  return "is the user in the group dialout?";
+}
+
 std::string in_quotes(const std::string& answer) {
   constexpr size_t kMaxCharacters = 60;
   std::string text = "'";
@@ -68,7 +76,7 @@ SerialPort::SerialPort(const std::filesystem::path& device, int baud)
     if (code == ENOENT || code == ENXIO || code == ENODEV || code == EIO) {
       throw InstrumentAbsent(cause);
     }
-    throw InputError(cause + "; is the user in the group dialout?");
+    throw InputError(cause + "; " + open_advice(code));
   }
   fcntl(port.native_handle(), F_SETFD, FD_CLOEXEC);
   ioctl(port.native_handle(), TIOCEXCL);

@@ -47,6 +47,9 @@ std::string in_quotes(const std::string& answer);
 
 // Instrument on a serial port.
 
+/// What a person can do after open() of a serial port failed with `error_number`.
+std::string open_advice(int error_number);
+
 /// 8 data bits, no parity, 1 stop bit, no flow control. Commands end with CR LF, answers with LF.
 /// The port is opened for exclusive use.
 class SerialPort : public Instrument {
