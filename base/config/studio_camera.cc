@@ -3,6 +3,7 @@
 #include <array>
 #include <charconv>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include "base/config/studio_fields.h"
@@ -55,12 +56,21 @@ void read_v4l2_settings(const TomlTable& table, StudioCamera& camera) {
       ranged_int(table, "trigger_value", camera.trigger_value, -kMaxInt, kMaxInt);
 }
 
+/// One side of the region; `fallback`: the side of [camera_defaults], where it has a region.
+int read_side(const TomlTable& table, std::string_view key, std::optional<int> fallback) {
+  if (!fallback && !table.has(key)) {
+    table.fail(key, "missing: expected width and height of the region, in pixels");
+  }
+  return ranged_int(table, key, fallback.value_or(0), 1, kMaxImageSide);
+}
+
 /// The region of the sensor, and how it is read out.
 void read_region(const TomlTable& table, StudioCamera& camera) {
   if (table.has("width") || table.has("height")) {
-    const ImageSize old = camera.size.value_or(ImageSize{});
-    camera.size = ImageSize{ranged_int(table, "width", old.width, 1, kMaxImageSide),
-                            ranged_int(table, "height", old.height, 1, kMaxImageSide)};
+    const auto old = camera.size;
+    camera.size =
+        ImageSize{read_side(table, "width", old ? std::optional(old->width) : std::nullopt),
+                  read_side(table, "height", old ? std::optional(old->height) : std::nullopt)};
   }
   camera.offset_x = ranged_int(table, "offset_x", camera.offset_x, 0, kMaxImageSide);
   camera.offset_y = ranged_int(table, "offset_y", camera.offset_y, 0, kMaxImageSide);

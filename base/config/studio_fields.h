@@ -23,7 +23,7 @@ double ranged(const TomlTable& table, std::string_view key, double fallback, dou
 int ranged_int(const TomlTable& table, std::string_view key, int fallback, int low, int high);
 
 /// A field with one of several words; returns the value of the word. `fallback`: the word of a
-/// missing field.
+/// missing field; empty: the field is required.
 template <class T, size_t N>
 T choice(const TomlTable& table, std::string_view key, std::string_view fallback,
          const std::array<std::pair<std::string_view, T>, N>& choices) {
@@ -35,7 +35,8 @@ T choice(const TomlTable& table, std::string_view key, std::string_view fallback
     }
     known += (known.empty() ? "" : ", ") + std::string(word);
   }
-  table.fail(key, "'" + value + "' is unknown; known: " + known);
+  table.fail(key,
+             (table.has(key) ? "'" + value + "' is unknown" : "missing") + "; known: " + known);
 }
 
 /// The field `name`: a valid file name.

@@ -48,8 +48,12 @@ void read_nodes(const TomlTable& file, Studio& studio) {
 StudioLine read_line(const TomlTable& table) {
   StudioLine line;
   line.chip = table.text("chip");
+  if (!table.has("line")) {
+    table.fail("line",
+               "missing: expected the name or the number of a line, as gpioinfo lists them");
+  }
   line.line = table.is_text("line") ? table.text("line")
-                                    : std::to_string(ranged_int(table, "line", -1, 0, 65'535));
+                                    : std::to_string(ranged_int(table, "line", 0, 0, 65'535));
   return line;
 }
 
