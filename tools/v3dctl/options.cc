@@ -12,11 +12,12 @@
 namespace v3d::ctl {
 namespace {
 
-int64_t parse_frame_number(std::string_view text, std::string_view whole) {
+/// `value`: the option and its whole value, for the message.
+int64_t parse_frame_number(std::string_view text, const std::string& value) {
   int64_t number = -1;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
   if (error != std::errc{} || end != text.data() + text.size() || number < 0) {
-    throw InputError("--frames " + std::string(whole) +
+    throw InputError(value +
                      ": expected A:B with frame numbers from 0, such as 0:100 (frames 0 to 99)");
   }
   return number;
@@ -24,23 +25,24 @@ int64_t parse_frame_number(std::string_view text, std::string_view whole) {
 
 }  // namespace
 
-take::FrameRange parse_frame_range(std::string_view text) {
+take::FrameRange parse_frame_range(std::string_view text, std::string_view option) {
   take::FrameRange range;
   if (text.empty()) return range;
+  const std::string value = std::string(option) + " " + std::string(text);
   const size_t colon = text.find(':');
   if (colon == std::string_view::npos) {
-    range.begin = parse_frame_number(text, text);
+    range.begin = parse_frame_number(text, value);
     range.end = range.begin + 1;
     return range;
   }
   const std::string_view first = text.substr(0, colon);
   const std::string_view last = text.substr(colon + 1);
-  if (first.empty() && last.empty()) parse_frame_number("", text);
-  if (!first.empty()) range.begin = parse_frame_number(first, text);
-  if (!last.empty()) range.end = parse_frame_number(last, text);
+  if (first.empty() && last.empty()) parse_frame_number("", value);
+  if (!first.empty()) range.begin = parse_frame_number(first, value);
+  if (!last.empty()) range.end = parse_frame_number(last, value);
   if (range.begin >= range.end) {
     throw InputError(
-        "--frames " + std::string(text) +
+        value +
         ": is an empty range; expected A below B, which is the first frame after the range");
   }
   return range;

@@ -15,8 +15,9 @@
 namespace v3d::ctl {
 
 /// Parses a range of frame numbers: "A:B" is A to B - 1, "A:" is A and later, ":B" is before B, "A"
-/// is one frame, "" is all frames. Throws InputError for other text and for an empty range.
-take::FrameRange parse_frame_range(std::string_view text);
+/// is one frame, "" is all frames. `option`: its name, for messages. Throws InputError for other
+/// text and for an empty range.
+take::FrameRange parse_frame_range(std::string_view text, std::string_view option = "--frames");
 
 using CameraFile = std::pair<std::string, std::filesystem::path>;
 /// Splits "CAM=FILE" values into pairs and keeps their order. `option`: its name, for messages.

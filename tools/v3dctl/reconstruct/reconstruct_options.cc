@@ -173,7 +173,7 @@ std::vector<int64_t> parse_repair_pulses(std::string_view text, const take::Take
   if (text == "live") return take::read_repaired_pulses(take);
   std::vector<int64_t> pulses;
   for (const std::string& part : parse_names(text, "--repair-pulses")) {
-    const take::FrameRange range = parse_frame_range(part);
+    const take::FrameRange range = parse_frame_range(part, "--repair-pulses");
     if (range.end > take::kMaxPulses) {
       throw InputError("--repair-pulses " + part + ": expected frames below " +
                        std::to_string(take::kMaxPulses));

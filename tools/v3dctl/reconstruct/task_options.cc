@@ -35,7 +35,7 @@ int run(const ShardArguments& arguments, const RunTask& run_task) {
     prctl(PR_SET_PDEATHSIG, SIGTERM);
     if (getppid() != arguments.parent) return kExitFailed;  // the parent ended before prctl()
   }
-  run_task(arguments.folder, parse_frame_range(arguments.shards), arguments.threads);
+  run_task(arguments.folder, parse_frame_range(arguments.shards, "SHARDS"), arguments.threads);
   return kExitDone;
 }
 
