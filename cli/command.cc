@@ -1,6 +1,7 @@
 #include "cli/command.h"
 
 #include <CLI/CLI.hpp>
+#include <cmath>
 #include <utility>
 
 namespace v3d::cli {
@@ -26,21 +27,39 @@ std::optional<double> number_of(const std::string& text) {
   return number;
 }
 
-// CLI::Range also accepts NaN, and prints limits with up to 300 digits.
-Check number_in(double low, double high) {
-  const auto text_of = [](double number) { return CLI::detail::to_string(number); };
-  const std::string limits = text_of(low) + " to " + text_of(high);
+namespace {
+
+/// A check of finite numbers. CLI::Range also accepts NaN, and prints limits with up to 309 digits.
+Check check_of_numbers(const std::string& expected, const std::string& description,
+                       const std::function<bool(double)>& is_good) {
   const auto error = [=](const std::string& text) {
     const std::optional<double> number = number_of(text);
-    const bool good = number && *number >= low && *number <= high;
-    return good ? std::string() : "expected a number from " + limits + ", found '" + text + "'";
+    const bool good = number && std::isfinite(*number) && is_good(*number);
+    return good ? std::string() : "expected " + expected + ", found '" + text + "'";
   };
-  return {error, "FLOAT in [" + text_of(low) + " - " + text_of(high) + "]"};
+  return {error, description};
+}
+
+}  // namespace
+
+Check number_in(double low, double high) {
+  const auto text_of = [](double number) { return CLI::detail::to_string(number); };
+  return check_of_numbers("a number from " + text_of(low) + " to " + text_of(high),
+                          "FLOAT in [" + text_of(low) + " - " + text_of(high) + "]",
+                          [=](double number) { return number >= low && number <= high; });
 }
 
 Check integer_in(int64_t low, int64_t high) { return check_of(CLI::Range(low, high)); }
-Check positive_number() { return check_of(CLI::PositiveNumber); }
-Check non_negative_number() { return check_of(CLI::NonNegativeNumber); }
+
+Check positive_number() {
+  return check_of_numbers("a number above 0", CLI::PositiveNumber.get_description(),
+                          [](double number) { return number > 0; });
+}
+
+Check non_negative_number() {
+  return check_of_numbers("0 or a number above 0", CLI::NonNegativeNumber.get_description(),
+                          [](double number) { return number >= 0; });
+}
 
 Check one_of(std::initializer_list<std::string_view> values) {
   return check_of(CLI::IsMember(std::vector<std::string>(values.begin(), values.end())));

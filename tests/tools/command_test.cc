@@ -68,9 +68,14 @@ TEST(IntegerOption, accepts_integers_within_its_limits) {
 
 TEST(NumberOption, distinguishes_positive_and_non_negative_numbers) {
   EXPECT_EQ(positive_number().error("0.1"), "");
-  EXPECT_NE(positive_number().error("0"), "");
   EXPECT_EQ(non_negative_number().error("0"), "");
-  EXPECT_NE(non_negative_number().error("-0.1"), "");
+  for (const std::string bad : {"0", "-1", "nan", "inf", "ten"}) {
+    EXPECT_EQ(positive_number().error(bad), "expected a number above 0, found '" + bad + "'");
+  }
+  for (const std::string bad : {"-0.1", "nan", "inf", "ten"}) {
+    EXPECT_EQ(non_negative_number().error(bad),
+              "expected 0 or a number above 0, found '" + bad + "'");
+  }
 }
 
 TEST(ListedOption, accepts_exactly_the_listed_values) {
