@@ -1,7 +1,5 @@
 #include "take/take_listing.h"
 
-#include <fcntl.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 
 #include <algorithm>
@@ -16,7 +14,7 @@
 #include "base/core/error.h"
 #include "base/core/text.h"
 #include "base/io/file.h"
-#include "base/io/unique_fd.h"
+#include "base/io/shared_file.h"
 #include "take/ledger/ledger.h"
 #include "take/ledger/take_account.h"
 #include "take/logs/mesh_file.h"
@@ -231,10 +229,8 @@ io::Status save_slate(const std::filesystem::path& path, const Slate& slate) {
 }
 
 Slate change_slate(const TakePaths& paths, const std::function<void(Slate&)>& change) {
-  const io::UniqueFd folder(io::uninterrupted(
-      [&] { return open(paths.folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); }));
   // Without a lock, a change of two people within a millisecond may lose one of both.
-  if (folder) static_cast<void>(io::uninterrupted([&] { return flock(folder.get(), LOCK_EX); }));
+  const auto lock = io::lock_folder(paths.folder);
   Slate slate = load_slate(paths.slate());
   change(slate);
   io::throw_if_failed(save_slate(paths.slate(), slate));

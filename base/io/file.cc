@@ -8,13 +8,13 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cstring>
 #include <string>
 #include <vector>
 
 #include "base/core/error.h"
 #include "base/io/recorded_file.h"
+#include "base/io/temporary_file.h"
 #include "base/io/unique_fd.h"
 
 namespace v3d::io {
@@ -57,36 +57,8 @@ std::string_view action_of(OpenMode mode) {
   return "open";
 }
 
-constexpr std::string_view kTemporary = ".part-";
-
-/// A name beside `path` that is unique in this process.
-fs::path temporary_path(const fs::path& path) {
-  static std::atomic<uint64_t> count = 0;
-  return path.string() + std::string(kTemporary) + std::to_string(getpid()) + "-" +
-         std::to_string(++count);
-}
-
-/// Creates a new file beside `path`. Tries further names when a file of an earlier process with the
-/// same process id remains.
-Result<File> create_temporary(const fs::path& path) {
-  for (;;) {
-    auto file = File::open(temporary_path(path), OpenMode::kCreate);
-    if (file || file.error().code != EEXIST) return file;
-  }
-}
-
 std::span<const uint8_t> bytes_of(std::string_view text) {
   return {reinterpret_cast<const uint8_t*>(text.data()), text.size()};
-}
-
-/// Syncs the written file and renames it to `path`; removes it after any failure.
-Status sync_and_rename(File file, Status status, const fs::path& path) {
-  if (status) status = file.sync();
-  if (status && ::rename(file.path().c_str(), path.c_str()) != 0) {
-    status = io_error("replace", path);
-  }
-  if (!status) ::unlink(file.path().c_str());
-  return status;
 }
 
 /// Gives a file a second name, which fails with EEXIST when the name is taken, and removes the
@@ -259,13 +231,6 @@ Status replace_file(const fs::path& path, std::string_view content) {
   return status ? sync_folder(folder_of(path)) : status;
 }
 
-bool is_temporary(const fs::path& path) {
-  const std::string name = path.filename();
-  const size_t at = name.rfind(kTemporary);
-  return at != std::string::npos &&
-         name.find_first_not_of("0123456789-", at + kTemporary.size()) == std::string::npos;
-}
-
 Status copy_file(const fs::path& from, const fs::path& to) {
   const auto source = File::open(from, OpenMode::kRead);
   if (!source) return tl::make_unexpected(source.error());
@@ -353,9 +318,7 @@ std::string read_take_text(const std::filesystem::path& path) {
 }
 
 void replace_file(const std::filesystem::path& path, std::string_view text) {
-  if (is_recorded_file(path)) {
-    throw InputError(path.string() + ": is a recorded file of a take; expected another file name");
-  }
+  require_unrecorded(path);
   io::throw_if_failed(io::replace_file(path, text));
 }
 

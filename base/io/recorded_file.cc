@@ -5,6 +5,8 @@
 #include <string>
 #include <string_view>
 
+#include "base/core/error.h"
+
 namespace v3d {
 namespace {
 
@@ -42,6 +44,11 @@ bool is_recorded_file(const fs::path& path) {
   if (is_take(folder)) return is_take_file(name);
   const bool is_inside = folder.filename() == "background" || folder.filename() == "sound";
   return is_inside && is_take(folder.parent_path());
+}
+
+void require_unrecorded(const fs::path& path) {
+  if (!is_recorded_file(path)) return;
+  throw InputError(path.string() + ": is a recorded file of a take; expected another file name");
 }
 
 }  // namespace v3d

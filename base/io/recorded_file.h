@@ -14,4 +14,7 @@ namespace v3d {
 /// A folder that cannot be read counts as no take: then the file cannot be replaced, either.
 bool is_recorded_file(const std::filesystem::path& path);
 
+/// Throws InputError when `path` names a recorded file.
+void require_unrecorded(const std::filesystem::path& path);
+
 }  // namespace v3d

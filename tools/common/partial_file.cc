@@ -22,9 +22,7 @@ void require_replaceable(const fs::path& file) {
   if (io::value_or_throw(io::type_of(file)) == fs::file_type::directory) {
     throw InputError(file.string() + ": is a folder; expected the name of a file");
   }
-  if (is_recorded_file(file)) {
-    throw InputError(file.string() + ": is a recorded file of a take; expected another file name");
-  }
+  require_unrecorded(file);
 }
 
 io::Status sync_file(const fs::path& path) {

@@ -6,7 +6,7 @@
 #include "base/config/studio_file.h"
 #include "base/core/error.h"
 #include "base/core/text.h"
-#include "base/io/file.h"
+#include "base/io/shared_file.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/options.h"
 #include "v3dctl/setup/node_settings.h"
@@ -93,9 +93,10 @@ struct Options {
 /// Applies `change` to the current list, signs it with the next serial number, and writes it.
 int change_list(const CommandLine& line, const Options& options,
                 const std::function<void(wire::MemberList&)>& change) {
+  const io::UniqueFd lock = lock_studio_files(line.studio_path());
   const Studio studio = line.studio();
   const ChangedMemberList changed = changed_member_list(studio, options.authority, change);
-  replace_file(studio.network.members, changed.text);
+  update_file(studio.network.members, changed.text);
   std::printf("wrote %s, serial number %lld: copy it to every PC of the studio\n",
               studio.network.members.c_str(), static_cast<long long>(changed.serial));
   return kExitDone;

@@ -8,6 +8,7 @@
 #include "base/core/error.h"
 #include "base/core/text.h"
 #include "base/io/file.h"
+#include "base/io/shared_file.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/setup/node_settings.h"
 
@@ -131,7 +132,7 @@ NodeSettings settings_of(const Options& options, const StudioFiles& files,
 
 /// Throws InputError unless this file can be replaced: a PC must not get a key that no list has.
 void require_replaceable(const fs::path& path) {
-  const fs::path folder = fs::absolute(path).parent_path();
+  const fs::path folder = fs::weakly_canonical(fs::absolute(path)).parent_path();
   if (access(folder.c_str(), W_OK | X_OK) == 0) return;
   throw InputError(errno_message(folder.string()) + "; v3dctl node add enters the node in " +
                    path.filename().string());
@@ -150,6 +151,7 @@ int update_other_folders(const fs::path& stick, const NodeSettings& settings) {
 
 int run_add(const CommandLine& line, const Options& options) {
   require_host_name(options.name);
+  const io::UniqueFd lock = lock_studio_files(line.studio_path());
   std::optional<wire::SigningKey> key;
   const Studio before = line.studio();
   if (!before.storage.signing_key.empty()) key = wire::SigningKey::make();
@@ -165,11 +167,11 @@ int run_add(const CommandLine& line, const Options& options) {
       "wrote %s: unmount the stick (label V3D-SETUP), plug it into the PC, and switch it on\n",
       folder.c_str());
   if (changes_studio) {
-    replace_file(before.path, files.studio_text);
+    update_file(before.path, files.studio_text);
     std::printf("changed %s: copy it to every PC of the studio\n", before.path.c_str());
   }
   if (!files.members_text.empty()) {
-    replace_file(before.network.members, files.members_text);
+    update_file(before.network.members, files.members_text);
     std::printf("wrote %s, serial number %lld: copy it to every PC of the studio\n",
                 before.network.members.c_str(), static_cast<long long>(files.serial));
   }

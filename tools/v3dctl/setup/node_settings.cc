@@ -7,11 +7,24 @@
 #include <set>
 #include <sstream>
 #include <stdexcept>
+#include <system_error>
 
 #include "base/core/error.h"
 #include "base/io/file.h"
+#include "base/io/shared_file.h"
+#include "common/console.h"
 
 namespace v3d::ctl {
+
+io::UniqueFd lock_studio_files(const std::filesystem::path& studio_file) {
+  std::error_code error;
+  const std::filesystem::path target = std::filesystem::canonical(studio_file, error);
+  if (error) throw InputError("cannot read " + studio_file.string() + ": " + error.message());
+  const std::filesystem::path folder = target.parent_path();
+  return io::value_or_throw(io::lock_folder(folder, [&] {
+    note("v3dctl: waiting for another command that changes " + studio_file.string());
+  }));
+}
 
 void require_member_list(const Studio& studio) {
   if (!studio.network.members.empty()) return;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "base/config/studio_file.h"
+#include "base/io/unique_fd.h"
 #include "wire/member_list.h"
 #include "wire/secret_keys.h"
 #include "wire/signatures.h"
@@ -17,6 +18,11 @@
 namespace v3d::ctl {
 
 // The member list that a studio file names.
+
+/// Excludes other commands that change the studio file at `studio_file` or its member list, while
+/// the result exists. Waits for such a command, with a note. Take it before the studio file is
+/// read. Throws InputError when the file does not exist or its folder cannot be locked.
+io::UniqueFd lock_studio_files(const std::filesystem::path& studio_file);
 
 /// Throws InputError where the studio file names no member list.
 void require_member_list(const Studio& studio);
@@ -36,7 +42,8 @@ struct ChangedMemberList {
 };
 
 /// Applies `change` to the current list (an empty one where the file does not exist), and signs it
-/// with the next serial number. `authority_file`: the secret key of the authority.
+/// with the next serial number. `authority_file`: the secret key of the authority. The caller has
+/// lock_studio_files().
 ///
 /// Throws InputError where the studio file names no list, the key is not that of the studio's
 /// authority, or the list would be invalid; and what `change` throws.
