@@ -95,7 +95,25 @@ struct SignArguments {
   std::filesystem::path key;
 };
 
+/// Throws InputError unless this node may sign the take. A take without a studio file, such as an
+/// imported one, does not name its nodes.
+void require_signable(const take::TakeListing& take, const std::string& node) {
+  if (take.info.state == take::TakeState::kRecording) {
+    throw InputError(take.info.name +
+                     " is being recorded, or was not closed: v3dctl verify --recover " +
+                     take.paths.folder.string());
+  }
+  std::vector<std::string> names;
+  for (const take::TakeNode& other : take::capture_nodes(take.paths)) names.push_back(other.name);
+  if (names.empty() || std::ranges::find(names, node) != names.end()) return;
+  throw InputError("--node " + node + ": did not record " + take.paths.folder.string() +
+                   "; expected one of " + join_names(names));
+}
+
 int run_sign(const CommandLine& line, const SignArguments& arguments) {
+  if (!is_file_name(arguments.node)) {
+    throw InputError("--node '" + arguments.node + "': " + std::string(kFileNameRule));
+  }
   const std::filesystem::path key =
       arguments.key.empty() ? line.studio().storage.signing_key : arguments.key;
   if (key.empty()) {
@@ -103,12 +121,9 @@ int run_sign(const CommandLine& line, const SignArguments& arguments) {
                      ": [storage] signing_key is missing; name the file there, or with --key");
   }
   const take::TakeSigner signer{arguments.node, wire::SigningKey::load(key)};
-  for (const take::TakeListing& take : named_takes(line, *arguments.takes)) {
-    if (take.info.state == take::TakeState::kRecording) {
-      throw InputError(take.info.name +
-                       " is being recorded, or was not closed: v3dctl verify --recover " +
-                       take.paths.folder.string());
-    }
+  const std::vector<take::TakeListing> takes = named_takes(line, *arguments.takes);
+  for (const take::TakeListing& take : takes) require_signable(take, arguments.node);
+  for (const take::TakeListing& take : takes) {
     io::throw_if_failed(sign_whole_take(take.paths, signer, take::SigningOccasion::kCommand));
     std::printf("signed %s as %s\n", take.info.name.c_str(), arguments.node.c_str());
   }
