@@ -290,6 +290,12 @@ expect_status(2)
 expect("${err}" "kendo-07 is not verified, or has changed since")
 v3dctl(takes delete ../cap01 --no-copy --yes --dir ${WORK}/archive)
 expect_status(2)
+v3dctl(takes delete kendo-07 kendo-07 --no-copy --yes --dir ${WORK}/archive)
+expect_status(2)
+expect("${err}" "^v3dctl: takes delete: kendo-07 is named twice; name each take once\n$")
+if(NOT EXISTS ${WORK}/archive/kendo-07/cam01.lcmlog)
+  message(SEND_ERROR "a take that is named twice was deleted")
+endif()
 
 # A node's take is deleted only when its copy on the disk of the archive is identical.
 v3dctl(verify ${WORK}/cap01/kendo-07 --json)

@@ -205,9 +205,18 @@ int run_finish(const fs::path& folder, bool yes) {
   return kExitDone;
 }
 
+/// Throws InputError for a name that is given twice.
+void require_distinct(std::vector<std::string> names) {
+  std::ranges::sort(names);
+  const auto twice = std::ranges::adjacent_find(names);
+  if (twice == names.end()) return;
+  throw InputError("takes delete: " + *twice + " is named twice; name each take once");
+}
+
 int run_delete(const CommandLine& line, const DeleteArguments& arguments) {
   const fs::path folder = takes_folder(line, *arguments.takes);
   if (arguments.takes->names.empty()) return run_finish(folder, arguments.yes);
+  require_distinct(arguments.takes->names);
   if (arguments.copy.empty() == !arguments.no_copy) {
     throw InputError(
         "takes delete: name the folder of the copies, which are read back first (--copy DIR), or "
