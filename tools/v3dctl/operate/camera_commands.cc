@@ -116,6 +116,7 @@ int run_preview(const CommandLine& line, const PreviewOptions& options) {
     throw InputError("--out " + options.out.string() +
                      ": expected a name that ends in .jpg or .png");
   }
+  check_output({"--out", options.out});
   const Studio studio = line.studio();
   control::OperatorClient client(studio);
   catch_interrupts();
