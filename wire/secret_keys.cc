@@ -9,9 +9,11 @@
 #include <algorithm>
 #include <cerrno>
 #include <span>
+#include <stdexcept>
 #include <utility>
 
 #include "base/core/error.h"
+#include "base/io/disk_error.h"
 #include "base/io/file.h"
 
 namespace v3d::wire {
@@ -106,10 +108,10 @@ std::span<const uint8_t> bytes_of(std::string_view text) {
 }
 
 /// "`what` `path`: <cause of `error`>".
-InputError failure(const std::string& what, const std::filesystem::path& path,
-                   const io::IoError& error) {
+io::IoError failure(const std::string& what, const std::filesystem::path& path,
+                    const io::IoError& error) {
   errno = error.code;
-  return InputError(errno_message(what + " " + path.string()));
+  return {error.code, errno_message(what + " " + path.string())};
 }
 
 /// Makes the file readable for `group`. In a user namespace, root may not own the group; then only
@@ -143,7 +145,7 @@ void save_key_file(const std::filesystem::path& path, const SecretBuffer& key, c
                    const char* group) {
   const std::string name(kind.name);
   auto file = io::File::open(path, io::OpenMode::kCreatePrivate);
-  if (!file) throw failure("cannot make the " + name, path, file.error());
+  if (!file) io::throw_creation_error(failure("cannot make the " + name, path, file.error()));
   set_group(file->fd(), group);
   SecretBuffer line(2 * key.size() + 1);
   write_hexadecimal(key.bytes(), line.bytes());
@@ -153,7 +155,7 @@ void save_key_file(const std::filesystem::path& path, const SecretBuffer& key, c
   if (written) written = io::sync_folder(std::filesystem::absolute(path).parent_path());
   if (written) return;
   unlink(path.c_str());
-  throw failure("cannot write the " + name, path, written.error());
+  throw std::runtime_error(failure("cannot write the " + name, path, written.error()).message);
 }
 
 namespace {

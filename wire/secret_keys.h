@@ -78,8 +78,8 @@ SecretBuffer parse_key_file(std::string_view text, const std::filesystem::path& 
                             const KeyKind& kind);
 
 /// Writes a new key file that only its owner may read and write. If the process runs as root and
-/// `group` exists, its members may read the file. On return, file and name are on the disk. Throws
-/// InputError when the file exists already or cannot be written; then it is removed.
+/// `group` exists, its members may read it. On return, file and name are on the disk. Throws like
+/// io::throw_creation_error(), and std::runtime_error for errors of the disk; then it is removed.
 void save_key_file(const std::filesystem::path& path, const SecretBuffer& key, const KeyKind& kind,
                    const char* group);
 
@@ -104,8 +104,8 @@ class StudioKey {
   static StudioKey parse(std::string_view text, const std::filesystem::path& path);
 
   /// Writes a new key file that only its owner may read and write. If the process runs as root and
-  /// `group` exists, its members may read the file. Throws InputError when the file exists already
-  /// or cannot be written.
+  /// `group` exists, its members may read the file. Throws InputError when the file exists already,
+  /// and otherwise as save_key_file().
   void save(const std::filesystem::path& path, const char* group = "v3d") const;
 
   /// Sets the MAC of an encoded command or reply.

@@ -59,7 +59,7 @@ class SigningKey {
   /// Reads a key file. Throws InputError with the remedy, as load_key_file() does.
   static SigningKey load(const std::filesystem::path& path, const KeyKind& kind = kNodeKey);
 
-  /// Writes a new file. Throws InputError, as save_key_file() does.
+  /// Writes a new file. Throws as save_key_file().
   void save(const std::filesystem::path& path, const char* group = "v3d",
             const KeyKind& kind = kNodeKey) const;
 

@@ -1,6 +1,7 @@
 #include "daemon/recond/mesh_recovery.h"
 
-#include "base/core/error.h"
+#include <stdexcept>
+
 #include "base/core/text.h"
 #include "daemon/node/service.h"
 #include "take/logs/mesh_file.h"
@@ -26,7 +27,7 @@ RecoveredMeshes recover_mesh_file(const std::filesystem::path& mesh) {
             .is_whole = indexed.has_value(),
             .text = format_count(meshes) + " meshes recovered" +
                     (indexed ? "" : "; no index was added: " + indexed.error().message)};
-  } catch (const InputError& error) {
+  } catch (const std::runtime_error& error) {  // also of the disk
     return {.meshes = {},
             .is_whole = false,
             .text = "no meshes recovered: " + std::string(error.what())};

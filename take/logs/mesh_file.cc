@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "base/core/error.h"
+#include "base/io/disk_error.h"
 #include "base/io/file.h"
 #include "take/ledger/ledger.h"
 #include "take/logs/log_files.h"
@@ -206,21 +207,15 @@ bool MeshRecord::is_intact() const { return codec::crc32(compact) == checksum; }
 class MeshFileWriter::Impl {
  public:
   Impl(const std::filesystem::path& path, LogOpening opening, const ReadProgress& progress)
-      : path_(path),
-        file_(io::value_or_throw(opening == LogOpening::kContinue ? open_to_continue(path, progress)
-                                                                  : create(path))) {
+      : path_(path), file_(open(opening, progress)) {
     sync_ = std::make_unique<PeriodicSync>(*file_, kSyncEvery);
     if (begin_ > 0) return;
     begin_ = end_ = mesh_file::kHeaderSize;
-    if (auto written = file_->write(0, {mesh_file::header()}); !written) {
-      io::throw_input_error(written.error());
-    }
+    io::throw_if_failed(file_->write(0, {mesh_file::header()}));
     // Without its header, the file cannot be continued after a power cut; without its name in the
     // folder, it is lost.
-    if (auto synced = sync_->sync(); !synced) io::throw_input_error(synced.error());
-    if (auto synced = io::sync_folder(path.parent_path()); !synced) {
-      io::throw_input_error(synced.error());
-    }
+    io::throw_if_failed(sync_->sync());
+    io::throw_if_failed(io::sync_folder(path.parent_path()));
   }
   ~Impl() { static_cast<void>(close()); }
   Impl(const Impl&) = delete;
@@ -289,6 +284,13 @@ class MeshFileWriter::Impl {
 
   static io::Result<io::File> create(const std::filesystem::path& path) {
     return io::File::open(path, io::OpenMode::kCreate);
+  }
+
+  io::File open(LogOpening opening, const ReadProgress& progress) {
+    auto file =
+        opening == LogOpening::kContinue ? open_to_continue(path_, progress) : create(path_);
+    if (!file) io::throw_creation_error(file.error());
+    return *std::move(file);
   }
 
   /// Opens the file for appending after its last byte. An index of an earlier close, or the bytes

@@ -31,8 +31,8 @@ class MeshFileWriter {
   /// kNew creates the file and fails when the name exists. kContinue appends after the last byte of
   /// an existing file, changes none of its bytes, and creates the file if it does not exist. Header
   /// and name of a new file are on the disk when the constructor returns. Throws InputError when
-  /// the file cannot be created, opened or read, or is not a mesh file. `progress` is called while
-  /// an existing file without an index is read, which needs minutes for hours of meshes.
+  /// the file cannot be created, opened or read, or is no mesh file; std::runtime_error for errors
+  /// of the disk. `progress` is called while a file without an index is read, which needs minutes.
   explicit MeshFileWriter(const std::filesystem::path& path, LogOpening opening = LogOpening::kNew,
                           const ReadProgress& progress = {});
   ~MeshFileWriter();  ///< calls close() and ignores its errors

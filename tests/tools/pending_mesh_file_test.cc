@@ -5,8 +5,10 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "base/core/error.h"
 #include "base/io/file.h"
 #include "common/console.h"
+#include "support/file_size_limit.h"
 #include "support/temporary_folder.h"
 #include "take/take_files.h"
 
@@ -52,6 +54,19 @@ TEST_F(PendingMeshFiles, of_processes_that_were_killed_are_removed) {
   EXPECT_FALSE(file_exists(killed));
   EXPECT_TRUE(file_exists(running));
   EXPECT_TRUE(file_exists(elsewhere)) << "this host knows no processes of another one";
+}
+
+TEST_F(PendingMeshFiles, that_a_full_disk_rejects_are_no_bad_input_and_leave_no_file) {
+  const test::FileSizeLimit limit(8);
+  try {
+    const PendingMeshFile file(take_.mesh());
+    FAIL() << "the header was written";
+  } catch (const InputError& error) {
+    FAIL() << "the user can correct this: " << error.what();
+  } catch (const std::runtime_error& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("cannot write " + folder_.path().string()));
+  }
+  EXPECT_TRUE(std::filesystem::is_empty(folder_.path()));
 }
 
 }  // namespace

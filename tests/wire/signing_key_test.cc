@@ -4,6 +4,7 @@
 
 #include "base/core/error.h"
 #include "base/io/file.h"
+#include "support/file_size_limit.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "wire/secret_keys.h"
@@ -71,6 +72,19 @@ TEST_F(SigningKeys, are_saved_to_a_private_file_and_loaded_unchanged) {
   EXPECT_EQ(SigningKey::load(path_).public_key(), key.public_key());
   EXPECT_THAT(test::message_of<InputError>([&] { key.save(path_); }),
               HasSubstr("cannot make the signing key " + path_.string()));
+}
+
+TEST_F(SigningKeys, that_a_full_disk_rejects_are_no_bad_input_and_leave_no_file) {
+  const test::FileSizeLimit limit(8);
+  try {
+    SigningKey::make().save(path_);
+    FAIL() << "the key was written";
+  } catch (const InputError& error) {
+    FAIL() << "the user can correct this: " << error.what();
+  } catch (const std::runtime_error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("cannot write the signing key " + path_.string()));
+  }
+  EXPECT_FALSE(file_exists(path_));
 }
 
 TEST_F(SigningKeys, are_rejected_with_the_remedy) {

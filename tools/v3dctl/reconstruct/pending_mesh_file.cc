@@ -75,6 +75,17 @@ fs::path new_partial_path(const fs::path& path) {
   return partial_path(path);
 }
 
+/// Removes the file where its header cannot be written.
+take::MeshFileWriter new_mesh_file(const fs::path& path) {
+  try {
+    return take::MeshFileWriter(path);
+  } catch (...) {
+    std::error_code ignored;
+    fs::remove(path, ignored);
+    throw;
+  }
+}
+
 }  // namespace
 
 std::string process_suffix() { return host_name() + "-" + std::to_string(getpid()); }
@@ -104,7 +115,7 @@ void require_finished(const take::MeshFileReader& meshes, const fs::path& path) 
 }
 
 PendingMeshFile::PendingMeshFile(const fs::path& path)
-    : path_(path), temporary_path_(new_partial_path(path)), file_(temporary_path_) {}
+    : path_(path), temporary_path_(new_partial_path(path)), file_(new_mesh_file(temporary_path_)) {}
 
 PendingMeshFile::~PendingMeshFile() {
   std::error_code ignored;

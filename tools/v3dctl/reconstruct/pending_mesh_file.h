@@ -36,7 +36,7 @@ void require_finished(const take::MeshFileReader& meshes, const std::filesystem:
 class PendingMeshFile {
  public:
   /// `path`: the final path. Removes the unfinished files that killed processes of this host left
-  /// behind. Throws InputError when the file cannot be created.
+  /// behind. Throws as take::MeshFileWriter; then no file is left.
   explicit PendingMeshFile(const std::filesystem::path& path);
   ~PendingMeshFile();
   PendingMeshFile(const PendingMeshFile&) = delete;
