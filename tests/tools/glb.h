@@ -21,6 +21,10 @@ struct Glb {
   const nlohmann::json& indices() const {
     return scene["accessors"][primitive()["indices"].get<size_t>()];
   }
+  std::string bytes_of(const nlohmann::json& accessor) const {
+    const nlohmann::json& view = scene["bufferViews"][accessor.at("bufferView").get<size_t>()];
+    return buffer.substr(view.at("byteOffset"), view.at("byteLength"));
+  }
 };
 
 inline uint32_t word_at(const std::string& bytes, size_t offset) {

@@ -2,15 +2,18 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <functional>
 
 #include "base/config/calib_file.h"
 #include "base/image/image_files.h"
 #include "daemon/recorded/mesh_frames.h"
+#include "recon/shapes.h"
 #include "support/temporary_folder.h"
 #include "tools/test_images.h"
 #include "v3dctl/export/mesh_export.h"
 #include "v3dctl/import/import.h"
 #include "v3dctl/reconstruct/take_reconstruction.h"
+#include "v3dctl/skeleton/take_skeleton.h"
 
 namespace v3d::ctl {
 namespace {
@@ -37,34 +40,53 @@ int64_t red_texels(const Image& atlas) {
   return count;
 }
 
-/// A take of two pulses of a ball. At pulse 1, and at both in the last camera, images are red.
-class TexturedTake : public testing::Test {
+/// A take of two pulses of a ball.
+class BallTake : public testing::Test {
  protected:
-  TexturedTake() {
+  /// `draw`: returns the image of a camera at a pulse.
+  explicit BallTake(const std::function<Image(const RigCamera&, int)>& draw) {
     const Rig rig = test::small_rig(kCameras);
     save_calib(folder_ / "calib.toml", rig);
     for (const RigCamera& camera : rig) {
-      const bool last = camera.name == rig.back().name;
-      write("images", camera, "0.png", last ? red_image(camera) : test::ball_image(camera));
-      write("images", camera, "1.png", red_image(camera));
-      write("masks", camera, "0.png", test::ball_mask(camera));
-      write("masks", camera, "1.png", test::ball_mask(camera));
+      for (const int pulse : {0, 1}) {
+        const std::string name = std::to_string(pulse) + ".png";
+        write("images", camera, name, draw(camera, pulse));
+        write("masks", camera, name, test::ball_mask(camera));
+      }
     }
     ImportOptions import;
-    import.take = request_.take = folder_ / "take";
+    import.take = take_;
     import.calib = folder_ / "calib.toml";
     import.images = folder_ / "images";
     import.masks = folder_ / "masks";
     import_take(import);
-    request_.bounds = Box{{-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5}};
-    request_.voxel_m = 0.02;
-    request_.threads = 2;
   }
 
-  void write(const char* kind, const RigCamera& camera, const char* name, const Image& image) {
+  static constexpr int kCameras = 8;
+  const test::TemporaryFolder folder_;
+  const fs::path take_ = folder_ / "take";
+
+ private:
+  void write(const char* kind, const RigCamera& camera, const std::string& name,
+             const Image& image) {
     const fs::path folder = folder_ / kind / camera.name;
     fs::create_directories(folder);
     write_png(folder / name, image.view());
+  }
+};
+
+/// At pulse 1, and at both in the last camera, images are red.
+class TexturedTake : public BallTake {
+ protected:
+  TexturedTake()
+      : BallTake([](const RigCamera& camera, int pulse) {
+          const bool is_last = camera.name == test::small_rig(kCameras).back().name;
+          return is_last || pulse == 1 ? red_image(camera) : test::ball_image(camera);
+        }) {
+    request_.take = take_;
+    request_.bounds = Box{{-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5}};
+    request_.voxel_m = 0.02;
+    request_.threads = 2;
   }
 
   /// Red texels of the atlas of pulse 0.
@@ -77,8 +99,6 @@ class TexturedTake : public testing::Test {
     return red_texels(atlas);
   }
 
-  static constexpr int kCameras = 8;
-  const test::TemporaryFolder folder_;
   ReconstructRequest request_;
 };
 
@@ -107,6 +127,80 @@ TEST_F(TexturedTake, has_the_next_image_of_a_late_camera_and_none_of_an_unused_o
   EXPECT_EQ(frames[1].value().raw.label.pulse, 1);
   EXPECT_TRUE(std::none_of(frames.begin() + 2, frames.end(),
                            [](const auto& frame) { return frame.has_value(); }));
+}
+
+/// The ball is brighter at pulse 0, by 10 grey values. Its tracked surface is at rest at pulse 1.
+class SkinTexture : public BallTake {
+ protected:
+  SkinTexture()
+      : BallTake([](const RigCamera& camera, int pulse) {
+          Image image = test::ball_image(camera);
+          for (uint8_t& value : image.bytes) {
+            if (value > 0 && pulse == 0) value = static_cast<uint8_t>(value + 10);
+          }
+          return image;
+        }) {
+    recon::TrackedBody& body = skeleton_.tracked.emplace_back();
+    body.surface = recon::shapes::sphere({0, 0, 0}, 0.3F, 24);
+    body.rest = 1;
+    body.pulses = {0, 1};
+    body.positions.assign(2, body.surface.vertices);
+    body.colours.resize(2);
+    skeleton_.skins.emplace_back().influences.resize(body.surface.vertices.size());
+  }
+
+  recon::TextureAtlas texture() { return skin_textures(skeleton_, painter_, 256).at(0); }
+  /// The colours at a pulse alone.
+  recon::AtlasColours colours_at(size_t n, const recon::AtlasLayout& layout) {
+    Mesh surface = skeleton_.tracked[0].surface;
+    surface.vertices = skeleton_.tracked[0].positions[n];
+    return painter_.paint(surface, layout, skeleton_.tracked[0].pulses[n]);
+  }
+
+  TakeSkeleton skeleton_;
+  TexturePainter painter_{take_, "--atlas"};
+};
+
+/// The numbers of texels that a camera sees in one image and not in the other.
+std::vector<size_t> seen_only_in(const recon::AtlasColours& one, const recon::AtlasColours& other) {
+  std::vector<size_t> texels;
+  for (size_t i = 0; i < one.seen.size(); ++i) {
+    if (one.seen[i] != 0 && other.seen[i] == 0) texels.push_back(i);
+  }
+  return texels;
+}
+
+testing::AssertionResult are_equal(const Image& a, const Image& b,
+                                   const std::vector<size_t>& texels) {
+  for (const size_t i : texels) {
+    for (size_t c = 3 * i; c < 3 * i + 3; ++c) {
+      if (a.bytes[c] == b.bytes[c]) continue;
+      return testing::AssertionFailure() << "texel " << i << ": " << static_cast<int>(a.bytes[c])
+                                         << ", not " << static_cast<int>(b.bytes[c]);
+    }
+  }
+  return testing::AssertionSuccess();
+}
+
+TEST_F(SkinTexture, has_the_colours_at_the_rest_pulse_where_a_camera_sees_the_surface_then) {
+  const recon::TextureAtlas atlas = texture();
+  const recon::AtlasColours rest = colours_at(1, atlas.layout);
+  std::vector<size_t> seen;
+  for (size_t i = 0; i < rest.seen.size(); ++i) {
+    if (rest.seen[i] != 0) seen.push_back(i);
+  }
+  EXPECT_GT(seen.size(), 5'000U);
+  EXPECT_TRUE(are_equal(atlas.image, rest.image, seen));
+}
+
+TEST_F(SkinTexture, has_the_colours_of_another_pulse_where_no_camera_sees_the_surface_at_rest) {
+  // No camera sees the poles of the ball at rest. At pulse 0 it lies on its side.
+  for (Eigen::Vector3f& p : skeleton_.tracked[0].positions[0]) p = {p.x(), -p.z(), p.y()};
+  const recon::TextureAtlas atlas = texture();
+  const recon::AtlasColours other = colours_at(0, atlas.layout);
+  const std::vector<size_t> poles = seen_only_in(other, colours_at(1, atlas.layout));
+  EXPECT_GT(poles.size(), 10U);
+  EXPECT_TRUE(are_equal(atlas.image, other.image, poles));
 }
 
 }  // namespace

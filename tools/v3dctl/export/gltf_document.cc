@@ -119,7 +119,8 @@ size_t GltfDocument::add_unlit_material() {
   material["name"] = "as seen";
   material["pbrMetallicRoughness"]["metallicFactor"] = 0;
   material["extensions"][kUnlit] = json::object();
-  gltf_["extensionsUsed"].push_back(kUnlit);
+  json& used = gltf_["extensionsUsed"];
+  if (std::find(used.begin(), used.end(), json(kUnlit)) == used.end()) used.push_back(kUnlit);
   return add("materials", std::move(material));
 }
 
