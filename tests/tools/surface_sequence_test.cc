@@ -168,6 +168,19 @@ TEST_F(GlbSequence, shows_nothing_at_a_pulse_with_an_empty_surface) {
   EXPECT_THAT(track(file, "000002", "scale", 3).times, ElementsAre(0, 0.16F, 0.24F));
 }
 
+TEST_F(GlbSequence, shows_its_first_surface_without_animation_after_empty_ones) {
+  add(0, {});
+  add(1, tetrahedron(1));
+  add(2, other_triangles(1));
+  GltfFile file = finished();
+  const json nodes = scene()["nodes"];
+  ASSERT_EQ(nodes.size(), 3U) << "the root and two surfaces";
+  EXPECT_EQ(nodes[1]["name"], "000001");
+  EXPECT_FALSE(nodes[1].contains("scale"));
+  EXPECT_EQ(nodes[2]["scale"], json({0, 0, 0}));
+  EXPECT_THAT(track(file, "000001", "scale", 3).values, ElementsAre(0, 0, 0, 1, 1, 1, 0, 0, 0));
+}
+
 TEST_F(GlbSequence, of_empty_surfaces_alone_is_a_valid_file) {
   add(0, {});
   EXPECT_TRUE(finished().model().meshes.empty());

@@ -115,12 +115,16 @@ class GlbSequence : public SurfaceSequence {
     const std::string name = name_of(group.pulses.front());
     json node = {{"name", name}, {"mesh", add_mesh(group, name)}};
     require_room(group.pulses.back());
-    if (shown_.size() > 1) node["scale"] = {0, 0, 0};
+    if (has_node()) node["scale"] = {0, 0, 0};  // the first surface is shown without animation
     const int64_t pulse = group.pulses.front();
     if (const auto timecode = timecode_of(pulse))
       node["extras"] = timecode_extras(pulse, *timecode);
     shown.node = out_.add("nodes", std::move(node));
     out_.gltf()["nodes"][root_]["children"].push_back(*shown.node);
+  }
+
+  bool has_node() const {
+    return std::ranges::any_of(shown_, [](const ShownNode& shown) { return !!shown.node; });
   }
 
   std::optional<take::PulseTimecode> timecode_of(int64_t pulse) const {
