@@ -32,6 +32,16 @@ std::vector<int64_t> key_pictures_of(const std::filesystem::path& video) {
   return keys;
 }
 
+TEST(FrameRate, is_the_exact_fraction_of_an_ntsc_rate_and_otherwise_the_number) {
+  EXPECT_EQ(frame_rate(24000.0 / 1001), "24000/1001");
+  EXPECT_EQ(frame_rate(30000.0 / 1001), "30000/1001");
+  EXPECT_EQ(frame_rate(120000.0 / 1001), "120000/1001");
+  EXPECT_EQ(frame_rate(25), "25.000000");
+  EXPECT_EQ(frame_rate(30), "30.000000");
+  EXPECT_EQ(frame_rate(29.97), "29.970000");
+  EXPECT_EQ(frame_rate(12.5), "12.500000");
+}
+
 TEST(KeyPictures, are_those_nearest_to_their_time_and_the_first_that_are_not_before_it) {
   std::vector<int64_t> pictures(200);
   std::iota(pictures.begin(), pictures.end(), 0);

@@ -114,10 +114,18 @@ TEST(SkeletonFiles, have_every_field_of_the_header_that_opensim_documents_as_trc
 TEST(SkeletonFiles, turn_the_root_of_a_bvh_file_about_its_vertical_axis) {
   const std::string text = skeleton_bvh(turning(2));
   EXPECT_THAT(text, HasSubstr("ROOT pelvis"));
-  EXPECT_THAT(text, HasSubstr("Frames: 2\nFrame Time: 0.040000\n"));
+  EXPECT_THAT(text, HasSubstr("Frames: 2\nFrame Time: 0.0400000000\n"));
   // Position with y up; then the angles about z, x and y.
   EXPECT_THAT(text, HasSubstr("\n2.000000 0.930000 1.000000 "));
   EXPECT_THAT(text, HasSubstr(" 28.647890 "));
+}
+
+TEST(SkeletonFiles, keep_the_time_within_a_tenth_of_a_frame_for_an_hour_at_240_hz_as_bvh) {
+  TakeSkeleton skeleton = turning(2);
+  skeleton.rate_hz = 240;
+  const std::string text = skeleton_bvh(skeleton);
+  const double period_s = std::stod(text.substr(text.find("Frame Time: ") + 12));
+  EXPECT_NEAR(period_s * 240 * 3600 * 240, 3600 * 240, 0.1);
 }
 
 /// The rows of a BVH file: six numbers for each joint.
@@ -134,7 +142,7 @@ TEST(SkeletonFiles, have_a_row_for_each_time_as_bvh_also_for_pulses_without_a_sk
   TakeSkeleton skeleton = turning(3);
   skeleton.pulses = {10, 11, 14};
   const std::string text = skeleton_bvh(skeleton);
-  EXPECT_THAT(text, HasSubstr("Frames: 5\nFrame Time: 0.040000\n"));
+  EXPECT_THAT(text, HasSubstr("Frames: 5\nFrame Time: 0.0400000000\n"));
   const std::vector<std::string> rows = bvh_rows(text);
   ASSERT_EQ(rows.size(), 5U);
   const std::vector<std::string> whole = bvh_rows(skeleton_bvh(turning(3)));

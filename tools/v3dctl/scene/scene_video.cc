@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -51,7 +52,7 @@ std::vector<std::string> writer_words(const fs::path& path, ImageSize size, doub
                                  "-video_size",
                                  format_size(size),
                                  "-framerate",
-                                 std::to_string(rate_hz),
+                                 frame_rate(rate_hz),
                                  "-i",
                                  "pipe:0"};
   const auto add = [&](const std::vector<std::string>& more) {
@@ -86,7 +87,7 @@ std::vector<std::string> reader_words(const fs::path& path, ImageSize size, doub
           file_word(path),
           "-an",
           "-vf",
-          "fps=" + std::to_string(rate_hz) + ",scale=" + w + ":" + h +
+          "fps=" + frame_rate(rate_hz) + ",scale=" + w + ":" + h +
               ":force_original_aspect_ratio=increase,crop=" + w + ":" + h,
           "-f",
           "rawvideo",
@@ -125,6 +126,13 @@ fs::path require_one_size(fs::path path) {
 }
 
 }  // namespace
+
+std::string frame_rate(double rate_hz) {
+  constexpr double kNtsc = 1.001;
+  const int64_t whole = std::llround(rate_hz * kNtsc);
+  if (std::abs(static_cast<double>(whole) / kNtsc - rate_hz) > 1e-6) return std::to_string(rate_hz);
+  return std::to_string(1000 * whole) + "/1001";
+}
 
 std::string key_picture_times(const std::vector<int64_t>& pictures, double rate_hz) {
   std::string times;

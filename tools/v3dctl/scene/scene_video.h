@@ -36,6 +36,10 @@ struct VideoOptions {
   std::string timecode = {};
 };
 
+/// A rate for ffmpeg: "30000/1001" for an NTSC rate, "25.000000" for another one. ffmpeg would make
+/// 979001/32666 of "29.970030".
+std::string frame_rate(double rate_hz);
+
 /// Times of pictures for -force_key_frames of ffmpeg, seconds: "0.058333,0.158333". Each is a
 /// quarter of a period before its picture, because ffmpeg 5 takes the picture nearest to a time,
 /// and later versions the first that is not before it.

@@ -93,7 +93,7 @@ class BvhWriter {
     const auto& pulses = skeleton_.structure.pulses;
     const double rate = skeleton_.rate_hz > 0 ? skeleton_.rate_hz : 25;
     const int64_t frames = pulses.empty() ? 0 : number(pulses.back()) - number(pulses.front()) + 1;
-    text_ += fmt::format("MOTION\nFrames: {}\nFrame Time: {:.6f}\n", frames, 1 / rate);
+    text_ += fmt::format("MOTION\nFrames: {}\nFrame Time: {:.10f}\n", frames, 1 / rate);
     for (size_t n = 0; n < pulses.size(); ++n) {
       if (n > 0) write_between(pulses[n - 1], pulses[n]);
       write_pulse(pulses[n]);
