@@ -94,6 +94,17 @@ std::string printable(std::string_view text) {
   return clean;
 }
 
+std::string printable_text(std::string_view text) {
+  std::string result;
+  for (size_t begin = 0; begin <= text.size();) {
+    const size_t end = std::min(text.find('\n', begin), text.size());
+    result += printable(text.substr(begin, end - begin));
+    if (end < text.size()) result += '\n';
+    begin = end + 1;
+  }
+  return result;
+}
+
 namespace {
 
 constexpr char kStyle[] = R"(<style>

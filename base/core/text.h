@@ -41,6 +41,8 @@ std::string join_names(const std::vector<std::string>& names);
 /// Replaces each byte of invalid UTF-8 and each control character by '?'. The result cannot move a
 /// cursor or end a line.
 std::string printable(std::string_view text);
+/// printable() of each line of a text of several lines; keeps the line ends.
+std::string printable_text(std::string_view text);
 
 // Parts of the HTML reports: one self-contained file.
 

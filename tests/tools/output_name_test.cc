@@ -8,8 +8,8 @@
 
 #include "base/core/error.h"
 #include "support/temporary_folder.h"
+#include "tools/command_outcome.h"
 #include "tools/gliding_take.h"
-#include "v3dctl/command_line.h"
 
 namespace v3d::ctl {
 namespace {
@@ -18,29 +18,14 @@ namespace fs = std::filesystem;
 using testing::HasSubstr;
 using testing::Not;
 
-struct Outcome {
-  int status = 0;
-  std::string error;  ///< stderr
-};
-
-/// Runs `v3dctl WORDS`. `add`: adds the command.
-Outcome run(void (*add)(CommandLine&), std::vector<std::string> words) {
-  words.insert(words.begin(), "v3dctl");
-  std::vector<char*> argv;
-  for (std::string& word : words) argv.push_back(word.data());
-  testing::internal::CaptureStderr();
-  const int status = run_program(static_cast<int>(argv.size()), argv.data(), add);
-  return {status, testing::internal::GetCapturedStderr()};
-}
-
 class ExportCommand : public testing::Test {
  protected:
   ExportCommand() { test::write_gliding_take(folder_ / "take"); }
 
   /// Writes pulse 2 as .ply.
-  Outcome run_to(const std::string& out) const {
-    return run(add_export, {"export", (folder_ / "take").string(), "--format", "ply", "--frames",
-                            "2", (folder_ / out).string()});
+  test::CommandOutcome run_to(const std::string& out) const {
+    return test::run_command(add_export, {"export", (folder_ / "take").string(), "--format", "ply",
+                                          "--frames", "2", (folder_ / out).string()});
   }
 
   const test::TemporaryFolder folder_;
@@ -48,7 +33,7 @@ class ExportCommand : public testing::Test {
 
 TEST_F(ExportCommand, makes_no_folder_that_looks_like_a_file_of_another_format) {
   for (const std::string out : {"kendo.obj", "kendo.PLY", "kendo.gltf", "kendo.usda"}) {
-    const Outcome outcome = run_to(out);
+    const test::CommandOutcome outcome = run_to(out);
     EXPECT_EQ(outcome.status, kExitBadInput) << out;
     EXPECT_THAT(outcome.error, HasSubstr(out + ": expected a name that ends in .ply, or a folder"));
     EXPECT_FALSE(fs::exists(folder_ / out));
@@ -64,8 +49,9 @@ TEST_F(ExportCommand, writes_to_a_folder_whose_name_has_a_dot) {
 }
 
 TEST_F(ExportCommand, refuses_the_proxy_for_sound_files) {
-  const Outcome outcome = run(add_export, {"export", (folder_ / "take").string(), "--format",
-                                           "flac", "--proxy", (folder_ / "sound").string()});
+  const test::CommandOutcome outcome =
+      test::run_command(add_export, {"export", (folder_ / "take").string(), "--format", "flac",
+                                     "--proxy", (folder_ / "sound").string()});
   EXPECT_EQ(outcome.status, kExitBadInput);
   EXPECT_THAT(outcome.error, HasSubstr("--proxy: --format flac has no surfaces"));
 }
@@ -73,7 +59,9 @@ TEST_F(ExportCommand, refuses_the_proxy_for_sound_files) {
 TEST(RenderCommand, takes_an_existing_folder_whose_name_has_a_dot) {
   const test::TemporaryFolder folder;
   const std::string scene = folder / "none.json", out = folder / "frames.v2";
-  const auto render = [&] { return run(add_render, {"render", "--scene", scene, out}).error; };
+  const auto render = [&] {
+    return test::run_command(add_render, {"render", "--scene", scene, out}).error;
+  };
   EXPECT_THAT(render(), HasSubstr("frames.v2: expected a folder, or a name that ends in .png"));
   fs::create_directory(out);
   EXPECT_THAT(render(), HasSubstr("none.json"));

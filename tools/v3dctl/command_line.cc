@@ -111,8 +111,8 @@ int run_program(int argc, char** argv, void (*add_commands)(CommandLine&)) {
   } catch (const InputError& error) {
     std::fprintf(stderr, "v3dctl: %s\n", printable(error.what()).c_str());
     return kExitBadInput;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "v3dctl: %s\n", printable(error.what()).c_str());
+  } catch (const std::exception& error) {  // may have a line for each node
+    std::fprintf(stderr, "v3dctl: %s\n", printable_text(error.what()).c_str());
     return kExitFailed;
   }
 }

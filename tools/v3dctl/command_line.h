@@ -77,7 +77,8 @@ void add_evaluate(CommandLine& line);
 void add_export(CommandLine& line);
 void add_render(CommandLine& line);
 
-/// Parses and runs a command; returns the exit status of main(). Errors are one line on stderr.
+/// Parses and runs a command; returns the exit status of main(). Prints an error on stderr: bad
+/// input is one line.
 int run_program(int argc, char** argv, void (*add_commands)(CommandLine&));
 
 }  // namespace v3d::ctl

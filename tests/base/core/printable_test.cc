@@ -30,6 +30,11 @@ TEST(Printable, replaces_every_byte_of_invalid_utf8) {
   EXPECT_EQ(printable("\xE5\x89"), "??") << "cut off";
 }
 
+TEST(Printable, keeps_the_line_ends_of_a_text_of_several_lines) {
+  EXPECT_EQ(printable_text("refused\ncam01: \x1b[2J\n"), "refused\ncam01: ?[2J\n");
+  EXPECT_EQ(printable_text(""), "");
+}
+
 RC_GTEST_PROP(Printable, is_idempotent, (const std::string& text)) {
   const std::string once = printable(text);
   RC_ASSERT(printable(once) == once);

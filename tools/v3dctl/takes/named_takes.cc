@@ -89,17 +89,6 @@ std::vector<std::string> printable_lines(std::vector<std::string> lines) {
   return lines;
 }
 
-std::string printable_text(const std::string& text) {
-  std::string result;
-  for (size_t begin = 0; begin <= text.size();) {
-    const size_t end = std::min(text.find('\n', begin), text.size());
-    result += printable(text.substr(begin, end - begin));
-    if (end < text.size()) result += '\n';
-    begin = end + 1;
-  }
-  return result;
-}
-
 cli::Command add_takes_subcommand(cli::Command takes, const std::string& name,
                                   const std::string& description, const std::string& example) {
   cli::Command command = takes.add_subcommand(name, description);

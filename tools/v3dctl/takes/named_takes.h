@@ -32,12 +32,8 @@ void print_listing(const std::vector<take::TakeListing>& takes, bool json);
 /// "the deletion of 2 takes was interrupted: kendo-06, kendo-07".
 std::string interrupted_text(const std::vector<take::InterruptedDeletion>& deletions);
 
-// Text with names of files of a take, which may have any bytes.
-
-/// Each line with printable() (base/core/text.h).
+/// Each line with printable() (base/core/text.h): names of files of a take may have any bytes.
 std::vector<std::string> printable_lines(std::vector<std::string> lines);
-/// The same for lines in one text.
-std::string printable_text(const std::string& text);
 
 /// Adds a subcommand with one example to `takes`.
 cli::Command add_takes_subcommand(cli::Command takes, const std::string& name,
