@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "cli/standard_output.h"
+
 namespace v3d::cli {
 
 namespace {
@@ -180,7 +182,7 @@ std::optional<int> Program::parse_or_report(int argc, const char* const* argv) {
     app()->parse(argc, argv);
     return std::nullopt;
   } catch (const CLI::ParseError& error) {
-    return app()->exit(error);
+    return finish_standard_output(app()->get_name(), app()->exit(error));
   }
 }
 

@@ -338,4 +338,25 @@ function(check_former_options)
   endif()
 endfunction()
 
+# Runs `PROGRAM ARGN` in a shell that ends in `redirection`.
+function(expect_output_error status redirection reason program)
+  execute_process(COMMAND sh -c "exec \"$0\" \"$@\" ${redirection}" ${program} ${ARGN}
+    WORKING_DIRECTORY / RESULT_VARIABLE found ERROR_VARIABLE err OUTPUT_QUIET)
+  if(NOT found EQUAL status OR NOT err MATCHES "^[^\n]*cannot write standard output: ${reason}\n$")
+    message(SEND_ERROR "${program} ${ARGN} ${redirection}: status ${found}, want ${status} and '${reason}', got: ${err}")
+  endif()
+endfunction()
+
+function(check_unwritten_output)
+  get_filename_component(folder ${V3DCTL} DIRECTORY)
+  foreach(program v3dctl v3d-sim v3d-captured)
+    expect_output_error(1 ">/dev/full" "No space left on device" ${folder}/${program} --help)
+    expect_output_error(1 ">&-" "Bad file descriptor" ${folder}/${program} --help)
+  endforeach()
+  execute_process(COMMAND sh -c "\"$0\" --help | head -1" ${V3DCTL} RESULT_VARIABLE status OUTPUT_VARIABLE out ERROR_VARIABLE err)
+  if(NOT out MATCHES "^Record people" OR NOT err STREQUAL "")
+    message(SEND_ERROR "v3dctl --help | head -1: ${out}${err}")
+  endif()
+endfunction()
+
 cmake_language(CALL check_${CHECK})

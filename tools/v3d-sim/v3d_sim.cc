@@ -4,9 +4,12 @@
 
 #include "base/core/error.h"
 #include "cli/command.h"
+#include "cli/standard_output.h"
 #include "v3d-sim/sim_commands.h"
 
-int main(int argc, char** argv) {
+namespace {
+
+int run(int argc, char** argv) {
   int status = v3d::kExitDone;
   v3d::cli::Program app(
       "The simulated studio: a performer with known surface, and cameras that record it.",
@@ -29,4 +32,10 @@ int main(int argc, char** argv) {
     return v3d::kExitFailed;
   }
   return status;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return v3d::cli::finish_standard_output("v3d-sim", run(argc, argv));
 }

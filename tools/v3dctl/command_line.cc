@@ -9,6 +9,7 @@
 #include "base/core/error.h"
 #include "base/core/text.h"
 #include "base/io/process.h"
+#include "cli/standard_output.h"
 #include "take/take.h"
 
 namespace v3d::ctl {
@@ -97,15 +98,8 @@ int parse_and_run(int argc, char** argv, void (*add_commands)(CommandLine&)) {
   return line.run();
 }
 
-}  // namespace
-
-void add_external(CommandLine& line, const std::string& name, const std::string& description) {
-  cli::Command command = line.program().add_subcommand(name, description);
-  command.parse_no_further();  // the other program prints the help
-  line.on_run(command, [&line, name] { return run_external(name, line.words()); });
-}
-
-int run_program(int argc, char** argv, void (*add_commands)(CommandLine&)) {
+/// Runs the command and reports its error.
+int status_of_run(int argc, char** argv, void (*add_commands)(CommandLine&)) {
   try {
     return parse_and_run(argc, argv, add_commands);
   } catch (const InputError& error) {
@@ -115,6 +109,18 @@ int run_program(int argc, char** argv, void (*add_commands)(CommandLine&)) {
     std::fprintf(stderr, "v3dctl: %s\n", printable_text(error.what()).c_str());
     return kExitFailed;
   }
+}
+
+}  // namespace
+
+void add_external(CommandLine& line, const std::string& name, const std::string& description) {
+  cli::Command command = line.program().add_subcommand(name, description);
+  command.parse_no_further();  // the other program prints the help
+  line.on_run(command, [&line, name] { return run_external(name, line.words()); });
+}
+
+int run_program(int argc, char** argv, void (*add_commands)(CommandLine&)) {
+  return cli::finish_standard_output("v3dctl", status_of_run(argc, argv, add_commands));
 }
 
 }  // namespace v3d::ctl

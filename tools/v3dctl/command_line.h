@@ -78,7 +78,7 @@ void add_export(CommandLine& line);
 void add_render(CommandLine& line);
 
 /// Parses and runs a command; returns the exit status of main(). Prints an error on stderr: bad
-/// input is one line.
+/// input is one line. Output that cannot be written is an error, too.
 int run_program(int argc, char** argv, void (*add_commands)(CommandLine&));
 
 }  // namespace v3d::ctl
