@@ -400,9 +400,12 @@ Verification verify_take(const TakePaths& paths, ReadFrom from) {
 
 Verification recover_take(const TakePaths& paths, AfterReadErrors after,
                           const ReadProgress& progress) {
+  const TakeInfo info = load_take_info(paths);  // throws for a folder that is no take
+  // First: on a full disk, the indexes need the reserved space, too.
+  remove_working_file(paths.reserve());
   IndexProblems problems;
   io::throw_if_failed(index_segments<wire::PulseMessage>(paths.pulses(), problems));
-  for (const std::string& camera : load_take_info(paths).cameras) {
+  for (const std::string& camera : info.cameras) {
     io::throw_if_failed(
         index_segments<wire::FrameMessage>(paths.frames(camera), problems, progress));
   }
@@ -415,7 +418,6 @@ Verification recover_take(const TakePaths& paths, AfterReadErrors after,
     result.disagreements.push_back(error);
     result.read_errors.push_back(error);
   }
-  remove_working_file(paths.reserve());
   if (keeps_ledger) {
     result.notes.emplace_back("ledger.toml: was kept, because the take was closed before");
     return std::move(result);

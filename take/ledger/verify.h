@@ -73,6 +73,10 @@ enum class AfterReadErrors : uint8_t {
 /// before it writes the ledger. Reads only the labels of older events, and those last events that a
 /// power cut may have damaged, and no mesh file; verify_take() reads the rest.
 ///
+/// First frees the space that a killed daemon has reserved (TakePaths::reserve()), so that a take
+/// on a full disk can be recovered. Reserves none again, also where the take stays open: a daemon
+/// that continues the take reserves its own.
+///
 /// Requires that no process records into the take. Idempotent. Throws InputError as verify_take()
 /// does, and std::runtime_error with path and cause when a log cannot be opened or a file cannot be
 /// written. The state in take.toml is then unchanged, and a later call can succeed. `progress` is
