@@ -346,6 +346,7 @@ std::vector<Skin> learn_from_tracked(std::span<const TrackedBody> bodies,
     std::vector<SkeletonPulse> pulses = pulses_of(bodies[b], tracked[b], structure.lengths);
     if (pulses.empty()) continue;
     skins[b] = fit_skin(bodies[b], tracked[b].parts, pulses);
+    skins[b].poses = pulses;
     for (size_t p = 0; p < pulses.size(); ++p) skeletons[bodies[b].pulses[p]] = pulses[p];
   }
   structure.pulses.clear();

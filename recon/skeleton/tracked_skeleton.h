@@ -74,6 +74,9 @@ struct SkinInfluence {
 struct Skin {
   SkeletonPulse rest;                     ///< the skeleton at the rest pulse of the surface
   std::vector<SkinInfluence> influences;  ///< [vertex]
+  /// The skeleton at each pulse of the body. A pulse that the next body shares has another one in
+  /// the structure.
+  std::vector<SkeletonPulse> poses;
 };
 
 /// Motions of all parts from one skeleton to another, by joint.
@@ -97,7 +100,8 @@ Skin fit_skin(const TrackedBody& body, const RigidParts& parts,
 /// become the centres of rotation between rigid parts (rigid_parts()), and rotations become those
 /// of the parts. Pulses that had no skeleton get one. At other pulses, bones get the new lengths.
 /// `numbers`: the pulse of each evidence of the structure, ascending. A pulse of two bodies has the
-/// skeleton of the later one. A body without a pulse that has a skeleton is left out, with an empty
+/// skeleton of the later one, which does not fit the skin of the earlier one: each skin has its own
+/// poses. A body without a pulse that has a skeleton is left out, with an empty
 /// skin. Returns the skin of each body. Works in the caller's TBB arena; deterministic.
 ///
 /// Sources: Ehrig, Taylor, Duda and Heller, A survey of formal methods for determining the centre

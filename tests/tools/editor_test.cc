@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
+#include <utility>
 #include <vector>
 
 #include "base/core/error.h"
@@ -11,6 +12,7 @@
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "tools/gliding_take.h"
+#include "tools/turning_skeleton.h"
 
 namespace v3d::ctl {
 namespace {
@@ -21,6 +23,18 @@ namespace fs = std::filesystem;
 TakeClip read(const fs::path& take) {
   return read_clip(
       take, [](int64_t) {}, [] {});
+}
+
+TEST(ClipOfSegments, interpolates_lost_pulses_by_the_skeletons_of_the_segment) {
+  TakeSkeleton skeleton = test::with_a_shared_pulse();
+  skeleton.tracked[0].pulses = {10, 11, 13};
+  skeleton.tracked[1].pulses = {13, 14, 15};
+  const std::vector<recon::SkeletonPulse> poses = skeleton.skins[0].poses;
+  const recon::Clip clip = clip_of(std::move(skeleton));
+  ASSERT_EQ(clip.frames.size(), 6U);
+  const recon::SkeletonPulse expected = recon::blended(poses[1], poses[2], 0.5);
+  EXPECT_TRUE(clip.frames[2].skeleton.rotations[recon::kLeftElbow].isApprox(
+      expected.rotations[recon::kLeftElbow], 1e-6));
 }
 
 constexpr double kPropM = 0.93;

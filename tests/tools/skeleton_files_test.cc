@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <numbers>
@@ -13,6 +14,7 @@
 
 #include "base/core/error.h"
 #include "support/message_of.h"
+#include "tools/glb.h"
 #include "tools/turning_skeleton.h"
 #include "v3dctl/skeleton/take_skeleton.h"
 
@@ -188,6 +190,39 @@ TEST(SkeletonFiles, have_no_jump_between_the_angles_of_rows_as_bvh) {
 TEST(SkeletonFiles, need_a_tracked_surface_as_glb) {
   EXPECT_EQ(test::message_of<InputError>([] { skeleton_glb(turning(2), "take"); }),
             "--export glb needs a tracked surface: run v3dctl track first");
+}
+
+/// The rotations of the first node of a name, at all keys: x, y, z and w of each.
+std::vector<float> rotation_keys(const test::Glb& glb, const std::string& node) {
+  const nlohmann::json& animation = glb.scene.at("animations")[0];
+  for (const nlohmann::json& channel : animation.at("channels")) {
+    const nlohmann::json& target = channel.at("target");
+    if (target.at("path") != "rotation") continue;
+    if (glb.scene.at("nodes")[target.at("node").get<size_t>()].at("name") != node) continue;
+    const nlohmann::json& sampler = animation.at("samplers")[channel.at("sampler").get<size_t>()];
+    const std::string bytes =
+        glb.bytes_of(glb.scene.at("accessors")[sampler.at("output").get<size_t>()]);
+    std::vector<float> keys(bytes.size() / sizeof(float));
+    std::memcpy(keys.data(), bytes.data(), bytes.size());
+    return keys;
+  }
+  ADD_FAILURE() << "no rotations of " << node;
+  return {};
+}
+
+TEST(SkeletonFiles, pose_a_surface_at_a_shared_pulse_by_the_skeleton_of_its_segment_as_glb) {
+  const test::Glb glb = test::parse_glb(skeleton_glb(test::with_a_shared_pulse(), "take"));
+  const std::vector<float> keys = rotation_keys(glb, "left_elbow");
+  ASSERT_EQ(keys.size(), 12U) << "three pulses";
+  // The forearm turns with the upper arm.
+  for (size_t c = 0; c < 4; ++c) EXPECT_NEAR(keys[8 + c], keys[c], 1e-5);
+}
+
+TEST(SkinError, is_that_of_the_skeleton_of_the_segment_at_a_shared_pulse) {
+  const TakeSkeleton skeleton = test::with_a_shared_pulse();
+  const SkinError error = skin_error(skeleton.tracked, skeleton.skins);
+  EXPECT_EQ(error.pulses, 6);
+  EXPECT_LT(error.p90_mm, 0.01);
 }
 
 }  // namespace

@@ -254,6 +254,38 @@ TEST(Skin, reproduces_the_tracked_surface) {
   EXPECT_LT(percentile(distances, 0.9), 0.02);
 }
 
+/// A body from one pulse to another, at rest at the first.
+TrackedBody segment_of(const TrackedBody& body, std::ptrdiff_t begin, std::ptrdiff_t end) {
+  TrackedBody segment;
+  segment.pulses.assign(body.pulses.begin() + begin, body.pulses.begin() + end);
+  segment.positions.assign(body.positions.begin() + begin, body.positions.begin() + end);
+  segment.surface = body.surface;
+  segment.surface.vertices = segment.positions[0];
+  return segment;
+}
+
+TEST(Skin, has_its_own_skeleton_at_a_pulse_that_two_bodies_share) {
+  const MovingPerson person;
+  const TrackedBody whole = person.body(kPulses);
+  const std::vector<TrackedBody> bodies{segment_of(whole, 0, 9), segment_of(whole, 8, kPulses)};
+  KinematicStructure structure = person.structure(kPulses);
+  const std::vector<Skin> skins = learn_from_tracked(bodies, numbers(kPulses), structure);
+  ASSERT_EQ(skins[0].poses.size(), 9U);
+  ASSERT_EQ(skins[1].poses.size(), size_t{kPulses} - 8);
+  EXPECT_EQ(skins[1].poses[0].joints, structure.pulses[8].joints);
+  const auto median_error = [&](const SkeletonPulse& pose) {
+    const PartMotion motion = part_motion(skins[0].rest, pose);
+    const std::vector<Vector3f> moved = skinned(skins[0], motion, bodies[0].surface.vertices);
+    std::vector<double> distances;
+    for (size_t v = 0; v < moved.size(); ++v) {
+      distances.push_back((moved[v] - whole.positions[8][v]).norm());
+    }
+    return percentile(distances, 0.5);
+  };
+  EXPECT_LT(median_error(skins[0].poses[8]), 0.005);
+  EXPECT_GT(median_error(structure.pulses[8]), median_error(skins[0].poses[8]));
+}
+
 TEST(Skin, has_weights_that_sum_to_one) {
   const MovingPerson person;
   KinematicStructure structure = person.structure(kPulses);

@@ -17,6 +17,8 @@
 
 namespace v3d::ctl {
 
+struct TakeSkeleton;
+
 // --- actions of takes, read for editing and written as takes: take_clip.cc
 
 struct TakeClip {
@@ -27,10 +29,15 @@ struct TakeClip {
   int64_t left_out = 0;
 };
 
-/// Reads the tracked surface of a take, learns its skeleton and skin (learn_skeleton()). Lost
-/// pulses inside a tracked segment are interpolated, so that the action keeps its speed. Calls
-/// `on_begin` with the number of pulses and `on_pulse` after each. Throws InputError for a take
-/// without a tracked surface; std::runtime_error after an interrupt.
+/// The frames of all tracked surfaces with a skin: one for each pulse from the first to the last of
+/// a segment, with the skeleton of that segment. A pulse that two segments share has the surface of
+/// the later one. Lost pulses inside a segment are interpolated.
+recon::Clip clip_of(TakeSkeleton skeleton);
+
+/// Reads the tracked surface of a take, and learns its skeleton and skin (learn_skeleton()). The
+/// clip is that of clip_of(), so the action keeps its speed. Calls `on_begin` with the number of
+/// pulses and `on_pulse` after each. Throws InputError for a take without a tracked surface;
+/// std::runtime_error after an interrupt.
 TakeClip read_clip(const std::filesystem::path& take, const std::function<void(int64_t)>& on_begin,
                    const std::function<void()>& on_pulse);
 

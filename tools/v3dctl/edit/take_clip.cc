@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <array>
-#include <map>
 #include <optional>
 #include <string_view>
 #include <utility>
@@ -36,35 +35,6 @@ void fill(recon::Clip& clip, const recon::ClipFrame& next, int64_t step) {
     const double share = static_cast<double>(n) / static_cast<double>(step);
     clip.frames.push_back(recon::frame_between(clip, clip.frames[last], next, share));
   }
-}
-
-/// The frames of all tracked surfaces with a skin: one for each pulse from the first to the last of
-/// a segment. A pulse that two segments share has the surface of the later one.
-recon::Clip clip_of(TakeSkeleton& skeleton) {
-  std::map<int64_t, const recon::SkeletonPulse*> skeletons;
-  for (const recon::SkeletonPulse& pulse : skeleton.structure.pulses) {
-    skeletons[skeleton.pulses[pulse.index]] = &pulse;
-  }
-  recon::Clip clip;
-  clip.rate_hz = skeleton.rate_hz > 0 ? skeleton.rate_hz : 25;
-  clip.prop_hand = skeleton.structure.prop_hand;
-  int64_t last = -1;
-  for (size_t b = 0; b < skeleton.tracked.size(); ++b) {
-    recon::TrackedBody& body = skeleton.tracked[b];
-    if (skeleton.skins[b].influences.empty()) continue;
-    if (body.pulses.front() == last) clip.frames.pop_back();
-    clip.surfaces.push_back({body.surface.triangles, std::move(skeleton.skins[b])});
-    for (size_t p = 0; p < body.pulses.size(); ++p) {
-      recon::ClipFrame frame{.surface = clip.surfaces.size() - 1,
-                             .positions = std::move(body.positions[p]),
-                             .colours = std::move(body.colours[p]),
-                             .skeleton = *skeletons.at(body.pulses[p])};
-      if (p > 0) fill(clip, frame, body.pulses[p] - body.pulses[p - 1]);
-      clip.frames.push_back(std::move(frame));
-    }
-    last = body.pulses.back();
-  }
-  return clip;
 }
 
 /// motion.v3d of a clip. The encoder renumbers vertices, for instance those of a mirrored surface.
@@ -167,6 +137,30 @@ void check_output(const fs::path& out) {
   throw InputError(out.string() + ": holds something else than an edited take; choose another OUT");
 }
 
+recon::Clip clip_of(TakeSkeleton skeleton) {
+  recon::Clip clip;
+  clip.rate_hz = skeleton.rate_hz > 0 ? skeleton.rate_hz : 25;
+  clip.prop_hand = skeleton.structure.prop_hand;
+  int64_t last = -1;
+  for (size_t b = 0; b < skeleton.tracked.size(); ++b) {
+    recon::TrackedBody& body = skeleton.tracked[b];
+    if (skeleton.skins[b].influences.empty()) continue;
+    if (body.pulses.front() == last) clip.frames.pop_back();
+    const std::vector<recon::SkeletonPulse> poses = std::move(skeleton.skins[b].poses);
+    clip.surfaces.push_back({body.surface.triangles, std::move(skeleton.skins[b])});
+    for (size_t p = 0; p < body.pulses.size(); ++p) {
+      recon::ClipFrame frame{.surface = clip.surfaces.size() - 1,
+                             .positions = std::move(body.positions[p]),
+                             .colours = std::move(body.colours[p]),
+                             .skeleton = poses[p]};
+      if (p > 0) fill(clip, frame, body.pulses[p] - body.pulses[p - 1]);
+      clip.frames.push_back(std::move(frame));
+    }
+    last = body.pulses.back();
+  }
+  return clip;
+}
+
 TakeClip read_clip(const fs::path& take, const std::function<void(int64_t)>& on_begin,
                    const std::function<void()>& on_pulse) {
   if (!file_exists(take::TakePaths{take}.motion())) {
@@ -178,7 +172,7 @@ TakeClip read_clip(const fs::path& take, const std::function<void(int64_t)>& on_
   result.has_prop = skeleton.structure.has_prop;
   result.lengths = skeleton.structure.lengths;
   const int64_t pulses = skeleton.pulses.back() - skeleton.pulses.front() + 1;
-  result.clip = clip_of(skeleton);
+  result.clip = clip_of(std::move(skeleton));
   if (result.clip.frames.empty()) {
     throw InputError(take.string() +
                      ": has no tracked segment of three pulses with a skeleton of one performer");

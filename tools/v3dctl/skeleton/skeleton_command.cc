@@ -66,7 +66,7 @@ Json summary(const TakeSkeleton& skeleton) {
             {"mean_confidences", confidences},
             {"problems", skeleton.problems},
             {"graph_ms", skeleton.graph_ms}};
-  const SkinError error = skin_error(skeleton.tracked, skeleton.skins, structure, skeleton.pulses);
+  const SkinError error = skin_error(skeleton.tracked, skeleton.skins);
   json["tracked_pulses"] = error.pulses;
   if (error.pulses > 0) json["skin_error_mm"] = {{"p50", error.p50_mm}, {"p90", error.p90_mm}};
   return json;

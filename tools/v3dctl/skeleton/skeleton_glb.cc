@@ -2,7 +2,6 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <map>
 #include <numeric>
 
 #include "base/core/error.h"
@@ -52,9 +51,6 @@ class SkinnedScene {
         textures_(textures),
         rate_hz_(skeleton.rate_hz > 0 ? skeleton.rate_hz : 25) {
     joints_ = skeleton.structure.has_prop ? size_t{recon::kJoints} : size_t{recon::kBodyJoints};
-    for (const recon::SkeletonPulse& pulse : skeleton.structure.pulses) {
-      pulses_[skeleton.pulses[pulse.index]] = &pulse;
-    }
     out_.add_buffer();
     root_ = out_.add("nodes", {{"name", name}, {"rotation", y_up_rotation()}});
     out_.gltf()["scenes"][0]["nodes"].push_back(root_);
@@ -118,12 +114,13 @@ class SkinnedScene {
     std::vector<float> times, translations, turns;
     Quaterniond before = Quaterniond::Identity();
     const Joint from = skeleton_.structure.parent_of(joint);
-    for (const int64_t pulse : body(n).pulses) {
-      const Isometry3d local = local_frame(*pulses_.at(pulse), joint, from);
+    const std::vector<recon::SkeletonPulse>& poses = skeleton_.skins[shown_[n]].poses;
+    for (size_t p = 0; p < poses.size(); ++p) {
+      const Isometry3d local = local_frame(poses[p], joint, from);
       Quaterniond turn(local.linear());
       if (turn.dot(before) < 0) turn.coeffs() *= -1;  // the short way between two keys
       before = turn;
-      times.push_back(time_of(pulse));
+      times.push_back(time_of(body(n).pulses[p]));
       append(local.translation(), translations);
       append(turn, turns);
     }
@@ -220,7 +217,6 @@ class SkinnedScene {
   std::span<const recon::TextureAtlas> textures_;  ///< of each body; none: colours of vertices
   double rate_hz_;
   size_t joints_ = 0;
-  std::map<int64_t, const recon::SkeletonPulse*> pulses_;
   std::vector<size_t> shown_;  ///< bodies with a skin
   GltfDocument out_;
   size_t root_ = 0;

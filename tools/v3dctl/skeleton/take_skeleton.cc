@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <chrono>
 #include <iterator>
-#include <map>
 #include <optional>
 #include <set>
 #include <utility>
@@ -193,19 +192,14 @@ std::vector<recon::TrackedBody> read_tracked_bodies(const std::filesystem::path&
   return bodies;
 }
 
-SkinError skin_error(std::span<const recon::TrackedBody> bodies, std::span<const recon::Skin> skins,
-                     const recon::KinematicStructure& structure, std::span<const int64_t> numbers) {
-  std::map<int64_t, const recon::SkeletonPulse*> skeletons;
-  for (const recon::SkeletonPulse& pulse : structure.pulses) {
-    skeletons[numbers[pulse.index]] = &pulse;
-  }
+SkinError skin_error(std::span<const recon::TrackedBody> bodies,
+                     std::span<const recon::Skin> skins) {
   SkinError error;
   std::vector<double> millimetres;
   for (size_t b = 0; b < bodies.size(); ++b) {
     if (skins[b].influences.empty()) continue;
     for (size_t p = 0; p < bodies[b].pulses.size(); ++p) {
-      const recon::PartMotion motion =
-          recon::part_motion(skins[b].rest, *skeletons.at(bodies[b].pulses[p]));
+      const recon::PartMotion motion = recon::part_motion(skins[b].rest, skins[b].poses[p]);
       const std::vector<Eigen::Vector3f> moved =
           recon::skinned(skins[b], motion, bodies[b].surface.vertices);
       for (size_t v = 0; v < moved.size(); ++v) {

@@ -91,10 +91,9 @@ struct SkinError {
   int64_t pulses = 0;
 };
 
-/// Over all vertices of arms and legs at all pulses. `numbers`: the pulse of each evidence of the
-/// structure.
-SkinError skin_error(std::span<const recon::TrackedBody> bodies, std::span<const recon::Skin> skins,
-                     const recon::KinematicStructure& structure, std::span<const int64_t> numbers);
+/// Over all vertices of arms and legs at all pulses.
+SkinError skin_error(std::span<const recon::TrackedBody> bodies,
+                     std::span<const recon::Skin> skins);
 
 // A skeleton against the true joints of a simulated take: skeleton_truth.cc
 
