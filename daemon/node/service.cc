@@ -136,7 +136,7 @@ int daemon_main(int argc, char** argv, const DaemonProgram& program, const Daemo
   bool one_shot = false;
   if (program.one_shot) app.add_flag(program.one_shot->flag, one_shot, program.one_shot->purpose);
   if (const std::optional<int> status = app.parse_or_report(argc, argv)) {
-    return *status == 0 ? kExitDone : kExitBadInput;
+    return *status <= kExitFailed ? *status : kExitBadInput;  // 1: the help could not be written
   }
   keep_freed_memory();
   try {
