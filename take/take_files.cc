@@ -14,7 +14,7 @@
 #include "base/core/error.h"
 #include "base/io/file.h"
 #include "base/io/unique_fd.h"
-#include "take/logs/log_files.h"
+#include "take/logs/file_hashes.h"
 #include "take/logs/repaired_pulses.h"
 
 namespace v3d::take {
@@ -71,22 +71,6 @@ io::Status drop_from_page_cache(const io::File& file) {
     return io::io_error("drop from the page cache", file.path());
   }
   return {};
-}
-
-/// The checksum of the first `size` bytes.
-io::Result<uint64_t> checksum_of(const io::File& file, int64_t size) {
-  constexpr int64_t kChunk = 1 << 20;
-  std::vector<uint8_t> chunk(kChunk);
-  SparseReader reader(file);
-  RunningChecksum sum;
-  for (int64_t offset = 0; offset < size; offset += kChunk) {
-    const auto part = std::span(chunk).first(static_cast<size_t>(std::min(kChunk, size - offset)));
-    if (auto read = reader.read_whole(static_cast<uint64_t>(offset), part); !read) {
-      return tl::make_unexpected(read.error());
-    }
-    sum.add(part);
-  }
-  return sum.value();
 }
 
 }  // namespace
@@ -177,8 +161,8 @@ io::Result<TakeFile> stat_take_file(const TakePaths& paths, const std::string& n
   return file_of(name, status);
 }
 
-io::Result<TakeFile> read_take_file(const TakePaths& paths, const std::string& name, ReadFrom from,
-                                    int64_t limit) {
+io::Result<TakeFile> read_take_file(const TakePaths& paths, const std::string& name,
+                                    ReadFrom from) {
   const auto file = io::File::open(paths.folder / name, io::OpenMode::kReadWithinFolder);
   if (!file) return tl::make_unexpected(file.error());
   struct stat status {};
@@ -188,10 +172,12 @@ io::Result<TakeFile> read_take_file(const TakePaths& paths, const std::string& n
       return tl::make_unexpected(dropped.error());
     }
   }
-  const auto sum = checksum_of(*file, std::min<int64_t>(limit, status.st_size));
-  if (!sum) return tl::make_unexpected(sum.error());
   TakeFile read = file_of(name, status);
-  read.checksum = *sum;
+  RunningChecksum sum;
+  const io::Status added =
+      add_to_checksum(*file, {.begin = 0, .end = static_cast<uint64_t>(read.bytes)}, sum);
+  if (!added) return tl::make_unexpected(added.error());
+  read.checksum = sum.value();
   return read;
 }
 

@@ -72,11 +72,11 @@ bool is_written_after_ledger(std::string_view name);
 /// stat() fails.
 [[nodiscard]] io::Result<TakeFile> stat_take_file(const TakePaths& paths, const std::string& name);
 
-/// Reads a whole file and computes its checksum, over the first `limit` bytes only if the file is
-/// longer. Length and modification time are those at the start of the read. Fails with path and
-/// cause, also when the name is a symbolic link, and for a file with large holes (SparseReader).
+/// Reads a whole file and computes its checksum. Length and modification time are those at the
+/// start of the read. Fails with path and cause, also when the name is a symbolic link, and for a
+/// file with large holes (SparseReader).
 [[nodiscard]] io::Result<TakeFile> read_take_file(const TakePaths& paths, const std::string& name,
-                                                  ReadFrom from, int64_t limit = INT64_MAX);
+                                                  ReadFrom from);
 
 // Text files with a checksum of their own: ledger.toml, and the indexes of log segments.
 //

@@ -1,17 +1,13 @@
 #include "take/ledger/take_signature.h"
 
 #include <algorithm>
-#include <cerrno>
-#include <span>
 #include <vector>
 
 #include "base/config/toml_file.h"
-#include "base/core/bytes.h"
 #include "base/core/error.h"
 #include "base/io/file.h"
 #include "take/ledger/take_account.h"
-#include "take/logs/event_log.h"
-#include "take/logs/log_files.h"
+#include "take/logs/file_hashes.h"
 #include "take/take_removal.h"
 #include "wire/signatures.h"
 
@@ -290,72 +286,6 @@ TakeSignature parse_signature(std::string_view text, const fs::path& path) {
   return read;
 }
 
-namespace {
-
-constexpr uint64_t kBlock = 1 << 20;
-constexpr uint32_t kMaxChannelBytes = 256;
-
-class FileTree {
- public:
-  FileTree(const io::File& file, uint64_t size, bool is_log, const MayContinue& may_continue)
-      : file_(file), reader_(file), size_(size), is_log_(is_log), may_continue_(may_continue) {}
-
-  io::Result<wire::Hash> root() {
-    wire::HashTree tree;
-    for (uint64_t at = 0; at < size_;) {
-      const auto length = leaf_length(at);
-      if (!length) return tl::make_unexpected(length.error());
-      const auto leaf = hash(at, *length);
-      if (!leaf) return tl::make_unexpected(leaf.error());
-      tree.add(*leaf);
-      at += *length;
-    }
-    return tree.root();
-  }
-
- private:
-  io::Result<uint64_t> leaf_length(uint64_t at) {
-    const uint64_t block = std::min(kBlock, size_ - at);
-    if (!is_log_ || block < kEventHeaderSize) return block;
-    const auto got = file_.read(at, std::span(chunk_).first(kEventHeaderSize));
-    if (!got) return tl::make_unexpected(got.error());
-    const auto number = [&](size_t offset) {
-      return read_big_endian(std::span(chunk_).subspan(offset, 4));
-    };
-    if (*got < kEventHeaderSize || number(0) != kEventSyncWord) return block;
-    const uint64_t channel = number(20), data = number(24);
-    const uint64_t event = kEventHeaderSize + channel + data;
-    const bool is_event =
-        channel <= kMaxChannelBytes && data <= kMaxEventBytes && event <= size_ - at;
-    return is_event ? event : block;
-  }
-
-  io::Result<wire::Hash> hash(uint64_t at, uint64_t length) {
-    wire::LeafHash leaf;
-    for (const uint64_t end = at + length; at < end;) {
-      if (may_continue_ && !may_continue_()) {
-        return io::io_error("read", file_.path(), "stopped", ECANCELED);
-      }
-      const auto block = std::span(chunk_).first(std::min(kBlock, end - at));
-      if (const auto read = reader_.read_whole(at, block); !read) {
-        return tl::make_unexpected(read.error());
-      }
-      leaf.add(block);
-      at += block.size();
-    }
-    return leaf.value();
-  }
-
-  const io::File& file_;
-  SparseReader reader_;
-  const uint64_t size_;
-  const bool is_log_;
-  const MayContinue& may_continue_;
-  std::vector<uint8_t> chunk_ = std::vector<uint8_t>(kBlock);
-};
-
-}  // namespace
-
 io::Result<TakeFile> hash_take_file(const TakePaths& paths, const std::string& name, int64_t bytes,
                                     const MayContinue& may_continue) {
   const auto file = io::File::open(paths.folder / name, io::OpenMode::kReadWithinFolder);
@@ -364,9 +294,10 @@ io::Result<TakeFile> hash_take_file(const TakePaths& paths, const std::string& n
   if (!size) return tl::make_unexpected(size.error());
   TakeFile hashed{.name = name, .bytes = static_cast<int64_t>(*size), .checksum = {}};
   if (hashed.bytes != bytes) return hashed;
-  const auto root = FileTree(*file, *size, name.ends_with(".lcmlog"), may_continue).root();
-  if (!root) return tl::make_unexpected(root.error());
-  hashed.root = *root;
+  wire::HashTree tree;
+  const io::Status added = add_to_tree(*file, {.begin = 0, .end = *size}, tree, may_continue);
+  if (!added) return tl::make_unexpected(added.error());
+  hashed.root = tree.root();
   return hashed;
 }
 

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -10,6 +9,7 @@
 #include "base/core/time.h"
 #include "base/io/file.h"
 #include "take/ledger/ledger.h"
+#include "take/logs/file_hashes.h"
 #include "take/take.h"
 #include "take/take_files.h"
 #include "wire/signatures.h"
@@ -18,19 +18,10 @@ namespace v3d::take {
 
 // Hash trees over the files of a take.
 
-/// Returns false when a long computation is to end. Empty: never.
-using MayContinue = std::function<bool()>;
-
-/// Reads a file of a take and computes the root of its hash tree (wire/signatures.h).
-///
-/// The leaves of an event log (<camera>.lcmlog) are its events, from sync word to last byte. Where
-/// no event starts, and in every other file, the leaves are blocks of 1 MiB.
+/// Reads a file of a take and computes the root of its hash tree (add_to_tree()).
 ///
 /// `bytes`: the expected length. A file of another length is not read, and the result has no root.
-/// `may_continue`: called before each MiB is read, and may block. When it returns false, the result
-/// is the error ECANCELED.
-/// Memory: 1 MiB. Fails with path and cause, also when the name is a symbolic link, and for a file
-/// with large holes (SparseReader).
+/// Fails as add_to_tree() does, also when the name is a symbolic link.
 [[nodiscard]] io::Result<TakeFile> hash_take_file(const TakePaths& paths, const std::string& name,
                                                   int64_t bytes,
                                                   const MayContinue& may_continue = {});

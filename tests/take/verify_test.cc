@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <map>
 
 #include "base/core/error.h"
@@ -301,6 +302,18 @@ TEST_F(VerifyListedTake, reports_missing_and_shorter_files) {
   EXPECT_THAT(verify_take(paths_).disagreements,
               testing::Contains(HasSubstr("cam01.lcmlog")).Times(2))
       << "one line for the log and one for its count";
+}
+
+/// Copies are compared with this checksum.
+TEST_F(VerifyListedTake, has_the_checksum_of_all_bytes_of_a_file_that_the_ledger_lists_as_shorter) {
+  test::write_text(paths_.frames("cam01"),
+                   read_file(paths_.frames("cam01")) + std::string(100, 'x'));
+  const Verification v = verify_take(paths_);
+  EXPECT_THAT(v.disagreements,
+              Contains(HasSubstr("cam01.lcmlog: has 607 bytes, the ledger says 507")));
+  const auto found = std::ranges::find(v.files, "cam01.lcmlog", &TakeFile::name);
+  ASSERT_NE(found, v.files.end());
+  EXPECT_EQ(*found, read_take_file(paths_, "cam01.lcmlog", ReadFrom::kPageCache).value());
 }
 
 TEST_F(VerifyListedTake, reports_unlisted_parts_and_notes_other_files) {
