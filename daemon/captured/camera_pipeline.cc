@@ -185,13 +185,19 @@ bool CameraPipeline::idle_since(MonotonicInstant since) const {
 
 take::CameraLedger CameraPipeline::close(int64_t commanded) {
   stop_thread();
-  synced_ = log_.sync();
+  synced_ = log_.end();
   if (!synced_) spdlog::error("{}: {}", camera(), synced_.error().message);
   take::CameraLedger ledger = account_.ledger(camera(), commanded);
   ledger.exposed = exposures_.exposed();
   ledger.received = worker_.status().frames;
   ledger.published = published_;
   return ledger;
+}
+
+void CameraPipeline::save_index() const {
+  if (const io::Status saved = log_.save_index(); !saved) {
+    spdlog::error("{}: {}; v3dctl verify --recover writes it", camera(), saved.error().message);
+  }
 }
 
 }  // namespace v3d::captured

@@ -285,8 +285,9 @@ TakeCloseReport NodeTake::close(const take::Ledger& ledger, bool is_empty,
   const std::string open_reason = this->open_reason(pulse_log);
   const take::TakeState state =
       open_reason.empty() ? take::TakeState::kComplete : take::TakeState::kRecording;
+  disk_.reset();  // frees the space reserved for the ledger and the indexes
+  for (const auto& pipeline : pipelines_) pipeline->save_index();
   pipelines_.clear();
-  disk_.reset();  // frees the space reserved for the ledger
   const auto closed = node::close_take(context_.studio, info_, ledger, state);
   if (!closed) {
     spdlog::error("{}", closed.error().message);

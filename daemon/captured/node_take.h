@@ -78,8 +78,11 @@ class CameraPipeline {
   bool idle_since(MonotonicInstant since) const;
   bool progressed_since(MonotonicInstant since) const { return heartbeat_.beat_since(since); }
 
-  /// Stops the thread and flushes the log. `commanded`: pulses of the take.
+  /// Stops the thread, flushes the log and ends it. `commanded`: pulses of the take.
   take::CameraLedger close(int64_t commanded);
+  /// After close(): see take::EventLogWriter::save_index(). An error is written to the daemon's
+  /// log.
+  void save_index() const;
   /// After close(): name, size and checksum of the log, for the ledger.
   take::TakeFile file() const { return log_.file(); }
   /// After close(): whether flushing the log to disk succeeded, else its error.

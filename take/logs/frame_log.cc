@@ -11,6 +11,7 @@
 #include "base/core/error.h"
 #include "base/io/file.h"
 #include "take/logs/event_log.h"
+#include "take/logs/file_hashes.h"
 #include "take/logs/log_files.h"
 #include "wire/codec.h"
 #include "wire/messages.h"
@@ -87,7 +88,8 @@ class EventLogWriter::Impl {
              sync_period) {}
   /// Creates the segment; fails when the file exists.
   Impl(const AppendPosition& position, LogHashing hashing, Duration sync_period)
-      : events_(position.events),
+      : earlier_events_(position.events),
+        events_(position.events),
         file_(io::value_or_throw(io::File::open(position.segment, io::OpenMode::kCreate))),
         sync_(file_, sync_period) {
     if (hashing == LogHashing::kTree) tree_.emplace();
@@ -123,8 +125,10 @@ class EventLogWriter::Impl {
   int64_t bytes() const { return bytes_; }
   const std::filesystem::path& path() const { return file_.path(); }
   TakeFile file() const {
-    TakeFile file{
-        .name = path().filename(), .bytes = bytes_, .changed_ns = 0, .checksum = checksum_.value()};
+    TakeFile file{.name = path().filename(),
+                  .bytes = bytes_ + unfinished_bytes_,
+                  .changed_ns = 0,
+                  .checksum = checksum_.value()};
     if (tree_) file.root = tree_->root();
     return file;
   }
@@ -133,6 +137,19 @@ class EventLogWriter::Impl {
     is_unsynced_ = false;
     keep_first_error(sync_.sync());
     return disk_error_;
+  }
+
+  io::Status end() {
+    io::Status ended = sync();
+    return ended ? count_unfinished() : ended;
+  }
+
+  io::Status save_index() const {
+    if (unfinished_bytes_ == 0) return {};
+    return save_segment_index(path(), {.bytes = static_cast<uint64_t>(bytes_ + unfinished_bytes_),
+                                       .whole_bytes = static_cast<uint64_t>(bytes_),
+                                       .events = events_ - earlier_events_,
+                                       .damaged_places = 0});
   }
 
  private:
@@ -147,6 +164,20 @@ class EventLogWriter::Impl {
     wire::LeafHash event;
     for (const auto& part : parts) event.add(part);
     tree_->add(event.value());
+  }
+
+  /// Adds the bytes of a failed write to the checksum and to the hash tree.
+  io::Status count_unfinished() {
+    const auto size = file_.size();
+    if (!size) return tl::make_unexpected(size.error());
+    const FileRange unfinished{.begin = static_cast<uint64_t>(bytes_), .end = *size};
+    if (unfinished.begin >= unfinished.end) return {};
+    const auto file = io::File::open(path(), io::OpenMode::kReadWithinFolder);
+    if (!file) return tl::make_unexpected(file.error());
+    io::Status added = add_to_checksum(*file, unfinished, checksum_);
+    if (added && tree_) added = add_to_tree(*file, unfinished, *tree_);
+    if (added) unfinished_bytes_ = static_cast<int64_t>(unfinished.end - unfinished.begin);
+    return added;
   }
 
   /// Requests writeback of written bytes, and waits for those above kMaxDirtyBytes. Drops written
@@ -169,12 +200,14 @@ class EventLogWriter::Impl {
     if (!is_unsupported_sync(errno)) keep_first_error(io::io_error("write", file_.path()));
   }
 
-  int64_t events_ = 0;
+  const int64_t earlier_events_;  ///< number of events in earlier segments
+  int64_t events_ = 0;            ///< number of the next event
   io::File file_;
   PeriodicSync sync_;
-  bool is_unsynced_ = false;  ///< written to since the last sync()
-  int64_t bytes_ = 0;
-  RunningChecksum checksum_;  ///< of the `bytes_` bytes
+  bool is_unsynced_ = false;      ///< written to since the last sync()
+  int64_t bytes_ = 0;             ///< end of the last whole event
+  int64_t unfinished_bytes_ = 0;  ///< of a failed write, behind `bytes_`; after end()
+  RunningChecksum checksum_;      ///< of these bytes
   std::optional<wire::HashTree> tree_;
   int64_t submitted_ = 0;     ///< bytes for which writeback was requested
   int64_t written_back_ = 0;  ///< bytes whose writeback has finished
@@ -201,6 +234,8 @@ int64_t EventLogWriter::bytes() const { return impl_->bytes(); }
 const std::filesystem::path& EventLogWriter::path() const { return impl_->path(); }
 TakeFile EventLogWriter::file() const { return impl_->file(); }
 io::Status EventLogWriter::sync() { return impl_->sync(); }
+io::Status EventLogWriter::end() { return impl_->end(); }
+io::Status EventLogWriter::save_index() const { return impl_->save_index(); }
 
 class FrameLogReader::Impl {
  public:

@@ -51,13 +51,22 @@ class EventLogWriter {
   /// event (EventSpan::utime); else that is the time of sending.
   [[nodiscard]] io::Status write(const wire::PulseMessage& message,
                                  std::optional<RealtimeInstant> edge_here = {});
-  int64_t bytes() const;                      ///< length of this segment
+  int64_t bytes() const;                      ///< end of the last event, in this segment
   const std::filesystem::path& path() const;  ///< path of this segment
   /// Name, length and checksum of this segment, and its root with LogHashing::kTree. Computed from
-  /// the bytes that were passed to the kernel.
+  /// the bytes that were passed to the kernel; after end(), also from those of a failed write.
   TakeFile file() const;
   /// Waits until all events are on disk. Fails when the disk lost any of them, now or earlier.
   [[nodiscard]] io::Status sync();
+  /// Call it once, after the last event. sync(), then adds to file() what a failed write has left
+  /// behind the last event: no event overwrites it any more, and no file of a take is shortened.
+  /// Fails as sync() does, and when these bytes cannot be read.
+  [[nodiscard]] io::Status end();
+  /// After end(): writes the index of this segment (SegmentIndex) where a failed write has left
+  /// bytes behind the last event, so that readers skip them as after a recovery. After the sync,
+  /// because no recovery examines the events of a segment that has an index. Without the index,
+  /// readers find the same frames, and report an unfinished event until a recovery writes it.
+  [[nodiscard]] io::Status save_index() const;
 
  private:
   class Impl;

@@ -42,10 +42,11 @@ bool is_absent_log(const std::filesystem::path& log);
 std::filesystem::path next_segment(const std::filesystem::path& log,
                                    const std::vector<std::filesystem::path>& segments);
 
-/// The result of a recovery of one segment, stored beside it as `<segment>.index`. The segment
-/// itself is never changed: bytes after `whole_bytes` remain, and readers skip them.
+/// The end of the events of one segment, stored beside it as `<segment>.index` by a recovery, or at
+/// the end of a take whose last write failed. The segment itself is never changed: bytes after
+/// `whole_bytes` remain, and readers skip them.
 struct SegmentIndex {
-  uint64_t bytes = 0;          ///< length of the segment at the recovery
+  uint64_t bytes = 0;          ///< length of the segment when the index was made
   uint64_t whole_bytes = 0;    ///< end of the last whole event with a correct checksum
   int64_t events = 0;          ///< number of events before `whole_bytes`
   int64_t damaged_places = 0;  ///< gaps before `whole_bytes` without a readable event

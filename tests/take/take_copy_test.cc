@@ -7,6 +7,7 @@
 #include "base/io/file.h"
 #include "recording.h"
 #include "support/begun_take.h"
+#include "support/file_size_limit.h"
 #include "support/temporary_folder.h"
 #include "support/unreadable_byte.h"
 #include "take/ledger/take_account.h"
@@ -57,6 +58,24 @@ class TakeCopy : public testing::Test {
     }
   }
 
+  /// Replaces the log of the camera by one whose last write failed, and copies the take.
+  void record_on_a_full_disk() const {
+    fs::remove(node_.frames("cam07"));
+    Ledger ledger = load_ledger(node_.ledger());
+    EventLogWriter frames(node_.frames("cam07"));
+    EXPECT_TRUE(frames.write(test::recorded_frame("cam07", 0, {64, 48})));
+    {
+      const test::FileSizeLimit limit(static_cast<rlim_t>(frames.bytes() + 100));
+      EXPECT_FALSE(frames.write(test::recorded_frame("cam07", 1, {64, 48})));
+    }
+    EXPECT_TRUE(frames.end());
+    EXPECT_TRUE(frames.save_index());
+    ledger.files = {frames.file()};
+    EXPECT_TRUE(save_account(node_, load_take_info(node_), ledger));
+    fs::remove_all(archive_.folder);
+    fs::copy(node_.folder, archive_.folder, fs::copy_options::recursive);
+  }
+
   void verify() const { EXPECT_TRUE(save_verified(node_, verify_take(node_))); }
 
   std::vector<std::string> missing() const {
@@ -76,6 +95,23 @@ TEST_F(TakeCopy, accepts_another_slate_and_a_joined_ledger) {
   Ledger other{.take = "kendo-07", .commanded = 2, .sensed = 2, .cameras = {}};
   other.cameras.push_back(account("cam08", {0, 1}, {}, 2));
   ASSERT_TRUE(save_ledger(archive_.ledger(), merge({load_ledger(node_.ledger()), other})));
+  EXPECT_THAT(missing(), IsEmpty());
+}
+
+TEST_F(TakeCopy, of_a_take_that_ended_on_a_full_disk_is_accepted_and_agrees_with_the_ledger) {
+  record_on_a_full_disk();
+  EXPECT_THAT(verify_take(node_).disagreements, IsEmpty());
+  EXPECT_THAT(verify_take(archive_).disagreements, IsEmpty());
+  verify();
+  EXPECT_THAT(missing(), IsEmpty());
+}
+
+/// Earlier versions listed such a log without the bytes of the failed write.
+TEST_F(TakeCopy, is_accepted_with_the_same_bytes_when_a_log_is_longer_than_in_the_ledger) {
+  for (const TakePaths& take : {node_, archive_}) {
+    test::write_text(take.frames("cam07"), read_file(take.frames("cam07")) + "the rest");
+  }
+  verify();
   EXPECT_THAT(missing(), IsEmpty());
 }
 

@@ -1,5 +1,5 @@
 // A pipeline that continues the log of its camera after a restart, while each read of the log takes
-// as long as the period of the pulses.
+// as long as the period of the pulses; and one on a full disk.
 #include <dlfcn.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -9,6 +9,7 @@
 
 #include "capture/fed_camera.h"
 #include "daemon/captured/node_take.h"
+#include "support/file_size_limit.h"
 #include "support/temporary_folder.h"
 
 namespace v3d::test {
@@ -69,6 +70,11 @@ wire::FrameMessage earlier_frame(int64_t pulse) {
   return message;
 }
 
+segmentation::Segmenter segmenter() {
+  const std::vector<float> mean(kSize.width * kSize.height, 0), spread(mean.size(), 1);
+  return {{.size = kSize, .format = PixelFormat::kMono8, .mean = mean, .spread = spread}, {}};
+}
+
 TEST(CameraPipelineAfterARestart, writes_every_frame_that_arrives_while_it_reads_its_log) {
   const test::TemporaryFolder folder;
   const take::TakePaths take{folder.path()};
@@ -91,23 +97,59 @@ TEST(CameraPipelineAfterARestart, writes_every_frame_that_arrives_while_it_reads
   bus::Bus bus(kUrl);
   PrioritySemaphore slots(1);
   LiveAdmission admission([] { return 0; }, 5);
-  const std::vector<float> mean(kSize.width * kSize.height, 0), spread(mean.size(), 1);
   test::SlowReads reads{.source = source, .worker = worker, .known = kEarlier, .left = kNew};
   test::slow_reads = &reads;
-  CameraPipeline pipeline(
-      worker,
-      {.take = "kendo-07",
-       .log = take.frames(kCamera),
-       .segmenter = segmentation::Segmenter(
-           {.size = kSize, .format = PixelFormat::kMono8, .mean = mean, .spread = spread}, {}),
-       .rate_hz = 50,
-       .resume = std::move(state)},
-      {bus, slots, admission});
+  CameraPipeline pipeline(worker,
+                          {.take = "kendo-07",
+                           .log = take.frames(kCamera),
+                           .segmenter = segmenter(),
+                           .rate_hz = 50,
+                           .resume = std::move(state)},
+                          {bus, slots, admission});
   EXPECT_TRUE(capture::eventually([&] { return pipeline.counts().written == kEarlier + kNew; }));
   EXPECT_EQ(worker.status().dropped, 0);
   test::slow_reads = nullptr;
   pipeline.close(kEarlier + kNew);
   EXPECT_EQ(std::ssize(take::FrameLogReader(take.frames(kCamera)).labels()), kEarlier + kNew);
+}
+
+TEST(CameraPipelineOnAFullDisk, ends_its_log_with_the_bytes_of_the_frame_that_did_not_fit) {
+  const test::TemporaryFolder folder;
+  const take::TakePaths take{folder.path()};
+  const auto source = std::make_shared<capture::FrameSource>();
+  source->size = kSize;
+  capture::CameraWorker worker(kCamera,
+                               [source] { return std::make_unique<capture::FedCamera>(source); },
+                               {.queue_frames = 4, .reopen_after = std::chrono::hours(1)});
+  const auto becomes = [&](capture::CameraState state) {
+    return capture::eventually([&] { return worker.status().state == state; });
+  };
+  ASSERT_TRUE(becomes(capture::CameraState::kIdle));
+  worker.arm(std::chrono::milliseconds(1));
+  ASSERT_TRUE(becomes(capture::CameraState::kReady));
+  bus::Bus bus(kUrl);
+  PrioritySemaphore slots(1);
+  LiveAdmission admission([] { return 0; }, 5);
+  CameraPipeline pipeline(
+      worker,
+      {.take = "kendo-07", .log = take.frames(kCamera), .segmenter = segmenter(), .rate_hz = 50},
+      {bus, slots, admission});
+  source->expose();
+  ASSERT_TRUE(capture::eventually([&] { return pipeline.counts().written == 1; }));
+  const auto one_frame = std::filesystem::file_size(take.frames(kCamera));
+  {
+    const test::FileSizeLimit limit(one_frame + 100);
+    source->expose();
+    ASSERT_TRUE(capture::eventually([&] { return pipeline.counts().write_errors == 1; }));
+  }
+  pipeline.close(2);
+  EXPECT_EQ(pipeline.file().bytes, static_cast<int64_t>(one_frame) + 100);
+  EXPECT_EQ(pipeline.file().checksum,
+            read_take_file(take, "cam07.lcmlog", take::ReadFrom::kPageCache)->checksum);
+  pipeline.save_index();
+  const take::FrameLogReader log(take.frames(kCamera));
+  EXPECT_EQ(log.labels().size(), 1U);
+  EXPECT_EQ(log.torn_bytes(), 0);
 }
 
 }  // namespace
