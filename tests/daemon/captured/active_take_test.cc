@@ -42,7 +42,9 @@ int64_t logged_pulses(const take::TakePaths& take) {
 }
 
 TEST(CheckOrder, refuses_a_take_that_could_not_be_read) {
-  wire::CommandMessage order{.verb = wire::CommandVerb::kArm, .pulses = take::kMaxPulses};
+  wire::CommandMessage order;
+  order.verb = wire::CommandVerb::kArm;
+  order.pulses = take::kMaxPulses;
   check_order(order);
   order.pulses += 1;
   EXPECT_EQ(test::message_of<InputError>([&] { check_order(order); }),

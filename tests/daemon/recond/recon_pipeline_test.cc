@@ -9,7 +9,6 @@
 #include <atomic>
 #include <functional>
 #include <future>
-#include <optional>
 #include <semaphore>
 
 #include "base/core/error.h"
@@ -453,12 +452,12 @@ TEST_F(SharedPipelinesInGroups, take_over_the_group_of_a_node_that_ended) {
 TEST_F(SharedPipelinesInGroups, continue_when_a_group_cannot_be_joined_and_join_it_later) {
   Node one(kGroups);
   // Without SO_REUSEADDR, the port of the second group belongs to this socket.
-  std::optional<io::UniqueFd> foreign(bus::udp_socket());
+  io::UniqueFd foreign = bus::udp_socket();
   sockaddr_in second{};
   second.sin_family = AF_INET;
   second.sin_port = htons(7669);
   ASSERT_EQ(inet_pton(AF_INET, "239.255.76.69", &second.sin_addr), 1);
-  ASSERT_EQ(bind(foreign->get(), reinterpret_cast<const sockaddr*>(&second), sizeof second), 0);
+  ASSERT_EQ(bind(foreign.get(), reinterpret_cast<const sockaddr*>(&second), sizeof second), 0);
   begin(one, "recon01");  // without other nodes, it wants all groups
   // Sent again and again, because another thread joins the group.
   const auto has_mesh_of = [&](int64_t pulse) {
@@ -468,7 +467,7 @@ TEST_F(SharedPipelinesInGroups, continue_when_a_group_cannot_be_joined_and_join_
   ASSERT_TRUE(becomes_true([&] { return has_mesh_of(0); }, within(30)))
       << "the group that can be joined is received";
   EXPECT_THAT(one.pipeline->counts().join_failure, testing::HasSubstr("239.255.76.69"));
-  foreign.reset();
+  foreign = io::UniqueFd();
   ASSERT_TRUE(becomes_true([&] { return has_mesh_of(1); }, within(30)))
       << "the other group is joined when it can be";
   EXPECT_EQ(one.pipeline->counts().join_failure, "");
