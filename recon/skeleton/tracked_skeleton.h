@@ -101,8 +101,8 @@ Skin fit_skin(const TrackedBody& body, const RigidParts& parts,
 /// of the parts. Pulses that had no skeleton get one. At other pulses, bones get the new lengths.
 /// `numbers`: the pulse of each evidence of the structure, ascending. A pulse of two bodies has the
 /// skeleton of the later one, which does not fit the skin of the earlier one: each skin has its own
-/// poses. A body without a pulse that has a skeleton is left out, with an empty
-/// skin. Returns the skin of each body. Works in the caller's TBB arena; deterministic.
+/// poses. A body without a pulse that has a skeleton is left out, with an empty skin. Returns the
+/// skin of each body. Works in the caller's TBB arena; deterministic.
 ///
 /// Sources: Ehrig, Taylor, Duda and Heller, A survey of formal methods for determining the centre
 /// of rotation of ball joints, Journal of Biomechanics 39, 2006 (symmetrical centre of rotation

@@ -12,7 +12,7 @@
 namespace v3d::node {
 namespace {
 
-/// A take that was begun on a disk of 20 MB.
+/// A take without a pulse, on a disk of 20 MB.
 class FullDisk : public testing::Test {
  protected:
   FullDisk() {

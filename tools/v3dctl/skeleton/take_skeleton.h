@@ -60,8 +60,8 @@ std::string skeleton_glb(const TakeSkeleton& skeleton, const std::string& name,
                          std::span<const recon::TextureAtlas> textures = {});
 
 /// A texture of each tracked surface, of `side` texels; empty for a surface without a skin. It has
-/// the colours at the rest pulse. A place that no camera sees then has the colours of another pulse
-/// of the segment, of which twelve are read. Throws std::runtime_error after an interrupt.
+/// the colours at the rest pulse. A place that no camera sees then has those of other pulses of the
+/// segment, of which up to twelve are read. Throws std::runtime_error after an interrupt.
 std::vector<recon::TextureAtlas> skin_textures(const TakeSkeleton& skeleton,
                                                TexturePainter& painter, int side);
 

@@ -220,17 +220,12 @@ class Viewer {
   }
 
   /** A file of this computer. Its paths are relative to the takes of the studio. */
-  private async openFile(file: File): Promise<void> {
+  private openFile(file: File): void {
     this.openAs({ take: null, scene: '' }, '', null);
-    const { opened } = this;
-    try {
-      const text = await file.text();
-      if (opened !== this.opened) return;
+    this.auxiliary.load(file.name, () => file.text(), (text) => {
       this.showScene(parseScene(text));
       find('title').textContent = file.name;
-    } catch (error) {
-      if (opened === this.opened) this.errors.set('scene', `${file.name}: ${(error as Error).message}`);
-    }
+    });
   }
 
   /** A scene of the open take, with the present view as its camera key. */
@@ -448,7 +443,7 @@ class Viewer {
     find('follow').addEventListener('click', () => this.setFollowing(true));
     const file = find<HTMLInputElement>('scene-file');
     file.addEventListener('change', () => {
-      if (file.files?.[0]) void this.openFile(file.files[0]);
+      if (file.files?.[0]) this.openFile(file.files[0]);
       file.value = '';
     });
     find('frame-all').addEventListener('click', () => this.stage.frameAll());
