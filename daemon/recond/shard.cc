@@ -311,14 +311,15 @@ bool Shard::is_omitted(const Unpublished& front, size_t publisher) const {
 }
 
 /// A node that joined late waits until the previous publisher has published everything before
-/// first_, so that no pulse is omitted. It waits at most the loss timeout.
+/// first_, so that no pulse is omitted. The previous one may wait for a mesh up to kMaxWait.
 bool Shard::may_start_publishing(const Unpublished& front) const {
-  if (publishing_ || published_ >= first_ - 1 || now_ - front.since >= setup_.loss_timeout)
-    return true;
+  if (publishing_ || published_ >= first_ - 1) return true;
   const size_t before = members_.publisher(first_ - 1, now_);
   if (before == self_) return true;
   const wire::ShardMessage& status = members_.status(before);
-  return status.ordered >= first_ - 1 && published_ >= status.shown;
+  const Duration waited = now_ - front.since;
+  if (status.ordered < first_ - 1) return waited >= kMaxWait;
+  return published_ >= status.shown || waited >= setup_.loss_timeout;
 }
 
 // --- status and counts --------------------------------------------------------------------------

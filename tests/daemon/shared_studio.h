@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <deque>
+#include <map>
 #include <memory>
 #include <queue>
 #include <random>
@@ -53,6 +54,9 @@ class SharedStudio {
   void pause(size_t node, Duration time) { nodes_[node]->paused_until = now_ + time; }
   /// Makes a node drop a pulse, like a node that cannot keep up.
   void drop(size_t node, int64_t pulse) { nodes_[node]->drops.insert(pulse); }
+
+  /// Makes a node start to process a pulse that much later, like a node without a processor.
+  void delay(size_t node, int64_t pulse, Duration time) { nodes_[node]->delays[pulse] = time; }
 
   /// One pulse; the time advances by 40 ms.
   void pulse() {
@@ -101,6 +105,7 @@ class SharedStudio {
     MonotonicInstant next_status;
     MonotonicInstant paused_until;
     std::set<int64_t> drops;
+    std::map<int64_t, Duration> delays;  ///< before the work on a pulse
     std::vector<int64_t> file;
   };
   struct Packet {
@@ -179,6 +184,10 @@ class SharedStudio {
   void work(size_t i, Node& node) {
     while (!node.work.empty() && node.work_done <= now_) {
       const int64_t pulse = node.work.front().set.pulse;
+      if (const auto delayed = node.delays.extract(pulse)) {
+        node.work_done = now_ + delayed.mapped();
+        return;
+      }
       node.work.pop_front();
       if (node.drops.contains(pulse)) {
         node.shard.give_up(pulse);

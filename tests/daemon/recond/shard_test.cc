@@ -68,6 +68,24 @@ TEST(Shard, assigns_a_share_to_a_node_that_joins_late) {
   }
 }
 
+TEST(Shard, publishes_every_pulse_when_the_publisher_before_a_late_node_is_slow) {
+  SharedStudio studio(3, {.max_delay_ms = 20, .work = milliseconds(20)}, 9);
+  studio.pulse(30);
+  studio.kill(0);
+  studio.pulse(40);
+  studio.restart(0);
+  studio.pulse();
+  const int64_t first = studio.shard(0).status().first;
+  ASSERT_GT(first, 71);
+  for (int64_t pulse = first - 3; pulse < first; ++pulse) {
+    studio.delay(1, pulse, std::chrono::seconds(2));
+  }
+  studio.pulse(99);
+  ASSERT_TRUE(studio.settle());
+  EXPECT_EQ(studio.file(1), range(0, 170));
+  EXPECT_EQ(studio.published(), range(0, 170));
+}
+
 TEST(Shard, continues_with_one_node) {
   SharedStudio studio(3, {.work = milliseconds(10)}, 4);
   studio.pulse(20);
