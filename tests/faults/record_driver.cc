@@ -162,10 +162,9 @@ class Driver {
   }
 
   void close() {
-    sync_logs();
+    end_logs();
     std::vector<take::TakeFile> files;
     for (const take::EventLogWriter& log : logs_) files.push_back(log.file());
-    logs_.clear();
     pulses_->close();
     const int64_t lost = pulses_->lost();
     const bool is_synced = pulses_->synced().has_value();
@@ -175,6 +174,10 @@ class Driver {
            (is_synced ? "" : ", and the others are not synced"));
     }
     disk_.reset();
+    for (const take::EventLogWriter& log : logs_) {
+      if (const io::Status saved = log.save_index(); !saved) fail(saved.error().message);
+    }
+    logs_.clear();
     take::Ledger ledger = account();
     ledger.files = std::move(files);
     const auto closed = node::close_take(studio_, info_, ledger);
@@ -272,10 +275,10 @@ class Driver {
     fail(file.string() + ": is not synced within 10 s");
   }
 
-  void sync_logs() {
+  void end_logs() {
     bool is_synced = true;
     for (take::EventLogWriter& log : logs_) {
-      const auto synced = log.sync();
+      const auto synced = log.end();
       if (!synced) fail(synced.error().message);
       is_synced = is_synced && synced.has_value();
     }

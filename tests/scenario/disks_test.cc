@@ -11,6 +11,7 @@
 #include "support/small_disk.h"
 #include "support/temporary_folder.h"
 #include "take/ledger/verify.h"
+#include "take/logs/log_files.h"
 #include "wire/messages.h"
 
 namespace v3d {
@@ -209,6 +210,23 @@ TEST_F(BadDiskStudio4, ends_the_take_on_a_write_error_and_accounts_for_every_fra
   EXPECT_EQ(verified.info.state, take::TakeState::kComplete);
   EXPECT_FALSE(verified.ledger.complete());
   expect_every_frame_accounted_for(verified);
+}
+
+TEST_F(BadDiskStudio4, closes_a_take_on_a_full_disk_with_an_index_of_each_log_with_a_cut_frame) {
+  arm_and_start(0);
+  ASSERT_TRUE(reaches("cap01", "frames_written", 40)) << log();
+  set_disk_fault("full");
+  ASSERT_TRUE(becomes_idle()) << log();
+  for (const std::string camera : {"cam01", "cam02", "cam03", "cam04"}) {
+    const std::filesystem::path frames = take().frames(camera);
+    const auto index = take::load_segment_index(frames, std::filesystem::file_size(frames));
+    ASSERT_TRUE(index) << index.error().message;
+    ASSERT_TRUE(*index) << camera << ": its index needs the reserved space" << log();
+    EXPECT_EQ((*index)->bytes, (*index)->whole_bytes + 100) << camera;
+    EXPECT_GT((*index)->events, 0) << camera;
+  }
+  recover();
+  EXPECT_THAT(verify_take(take()).disagreements, IsEmpty());
 }
 
 TEST_F(BadDiskStudio4, ends_a_take_that_cannot_be_synced_and_does_not_report_it_as_complete) {

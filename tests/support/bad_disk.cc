@@ -2,6 +2,8 @@
 // exists, it selects a fault of all event logs:
 //   slow N    every write takes N milliseconds
 //   broken    every write fails (EIO)
+//   full      each log of frames takes 100 bytes more, other files of a take none while it has a
+//             file .reserve (ENOSPC)
 //   pulses    every write to the pulse log fails (EIO)
 //   forgets   writes succeed, and fsync() fails (EIO)
 #include <dlfcn.h>
@@ -12,18 +14,25 @@
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
+#include <filesystem>
+#include <mutex>
+#include <set>
 #include <string>
 #include <string_view>
 
 namespace {
 
-/// The path of an event log; empty for another file.
-std::string event_log(int fd) {
+std::string path_of(int fd) {
   char link[64], path[4096];
   std::snprintf(link, sizeof link, "/proc/self/fd/%d", fd);
   const ssize_t length = readlink(link, path, sizeof path);
-  const std::string_view file(path, length > 0 ? static_cast<size_t>(length) : 0);
-  return std::string(file.ends_with(".lcmlog") ? file : "");
+  return std::string(path, length > 0 ? static_cast<size_t>(length) : 0);
+}
+
+/// The path of an event log; empty for another file.
+std::string event_log(int fd) {
+  const std::string file = path_of(fd);
+  return file.ends_with(".lcmlog") ? file : "";
 }
 
 struct DiskFault {
@@ -47,6 +56,19 @@ Function* real(const char* name) {
   return reinterpret_cast<Function*>(dlsym(RTLD_NEXT, name));
 }
 
+/// True for the first call with this descriptor.
+bool is_first_of(int fd) {
+  static std::mutex mutex;
+  static std::set<int> known;
+  const std::lock_guard lock(mutex);
+  return known.insert(fd).second;
+}
+
+/// Is this a file of a take that has its reserved space?
+bool needs_reserved_space(int fd) {
+  return std::filesystem::exists(std::filesystem::path(path_of(fd)).parent_path() / ".reserve");
+}
+
 }  // namespace
 
 extern "C" ssize_t pwritev(int fd, const iovec* parts, int count, off_t offset) {
@@ -55,6 +77,12 @@ extern "C" ssize_t pwritev(int fd, const iovec* parts, int count, off_t offset) 
   const DiskFault fault = log.empty() ? DiskFault() : disk_fault();
   const timespec pause{0, fault.milliseconds * 1'000'000};
   nanosleep(&pause, nullptr);
+  const bool is_frame_log = !log.empty() && !log.ends_with("/pulses.lcmlog");
+  if (disk_fault().name == "full" && (is_frame_log || (log.empty() && needs_reserved_space(fd)))) {
+    if (is_frame_log && is_first_of(fd)) return pwrite(fd, parts[0].iov_base, 100, offset);
+    errno = ENOSPC;
+    return -1;
+  }
   const bool fails =
       fault.name == "broken" || (fault.name == "pulses" && log.ends_with("/pulses.lcmlog"));
   if (!fails) return next(fd, parts, count, offset);
