@@ -73,15 +73,15 @@ RejectionCounts MessageAuthenticator::counts() const {
           .replayed = replayed_};
 }
 
-std::string MessageAuthenticator::trouble(RealtimeInstant now) const {
+std::string MessageAuthenticator::trouble(MonotonicInstant now) const {
   const std::lock_guard lock(mutex_);
-  return now - reported_at_ < kShownFor ? trouble_ : "";
+  return reported_at_ && now - *reported_at_ < kShownFor ? trouble_ : "";
 }
 
 void MessageAuthenticator::report(std::string_view trouble) {
   const std::lock_guard lock(mutex_);
   trouble_ = trouble;
-  reported_at_ = Realtime::now();
+  reported_at_ = Monotonic::now();
 }
 
 namespace {

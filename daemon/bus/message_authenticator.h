@@ -133,7 +133,7 @@ class MessageAuthenticator {
   void report(std::string_view trouble);
   /// One line for the operator when messages were rejected in the 10 s before `now`; otherwise
   /// empty.
-  std::string trouble(RealtimeInstant now) const;
+  std::string trouble(MonotonicInstant now) const;
 
  private:
   MemberSignatures members_;
@@ -147,7 +147,7 @@ class MessageAuthenticator {
   mutable std::mutex mutex_;  ///< guards the members below
   KeyRotation<std::shared_ptr<const wire::DatagramMac>> macs_;
   std::string trouble_;
-  RealtimeInstant reported_at_;
+  std::optional<MonotonicInstant> reported_at_;
 };
 
 // Set of the tags of datagrams that a receiver has accepted lately, in memory of fixed size.

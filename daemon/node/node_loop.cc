@@ -217,7 +217,7 @@ void NodeLoop::report_problem(wire::HealthMessage& health) const {
   if (health.state == wire::NodeState::kFault) return;
   std::vector<std::string> problems = {health.text, credential_problem(),
                                        filter_.problem(Monotonic::now()),
-                                       bus_.authenticator().trouble(Realtime::now())};
+                                       bus_.authenticator().trouble(Monotonic::now())};
   if (!files_.is_ready()) std::swap(problems[0], problems[1]);  // nothing works without credentials
   std::erase(problems, "");
   health.text = fmt::format("{}", fmt::join(problems, "; "));

@@ -138,7 +138,7 @@ class Pc {
     receive(node.announcement(after), after);
   }
   RejectionCounts counts() const { return authenticator_.counts(); }
-  std::string trouble() const { return authenticator_.trouble(Realtime::now()); }
+  std::string trouble() const { return authenticator_.trouble(Monotonic::now()); }
   MessageReceiver& receiver() { return *receiver_; }
   MessageAuthenticator& authenticator() { return authenticator_; }
 

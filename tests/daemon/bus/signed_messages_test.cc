@@ -97,7 +97,7 @@ class SignedMessages : public testing::Test {
     respond(sender, member, sender.sequence - 1);
     return accepts(sender.signed_datagrams(channel, message, key(member)));
   }
-  std::string trouble() const { return authenticator_.trouble(Realtime::now()); }
+  std::string trouble() const { return authenticator_.trouble(Monotonic::now()); }
 
   const wire::StudioKey studio_key_ = wire::StudioKey::make();
   const std::map<std::string, wire::SigningKey> keys_ = {
