@@ -111,23 +111,25 @@ class OperatorClient::Impl {
         stamp(make_sender()),
         bus(studio.network.lcm_url, {}, bus::ChannelList(studio)),
         files(bus::credentials_of_operator(studio), credentials, bus.authenticator()),
-        not_verified(read_credentials()),
+        next_reload(read_credentials()),
         healths(bus, std::string(wire::kHealthPrefix) + ".*", kQueue, HealthReader(),
                 bus::Bus::Accept::kIncludingUnverified),
         events(bus, wire::kEventChannel, kQueue) {}
 
-  /// Why there is no studio key; empty if there is one. Monitoring works without.
-  std::string read_credentials() {
-    next_reload = Monotonic::now() + kReloadPeriod;
+  /// Returns when to read them again.
+  MonotonicInstant read_credentials() {
     files.poll(Monotonic::now());
-    return files.has_studio_key() ? "" : files.problem();
+    return Monotonic::now() + kReloadPeriod;
   }
+
+  /// Why there is no studio key; empty if there is one. Monitoring works without.
+  std::string not_verified() const { return files.has_studio_key() ? "" : files.problem(); }
 
   /// Waits for the next message. Reloads the key files meanwhile, because keys may be replaced.
   template <class M>
   std::optional<M> wait(bus::Subscription<M>& subscription, MonotonicInstant deadline) {
     for (;;) {
-      if (Monotonic::now() >= next_reload) read_credentials();
+      if (Monotonic::now() >= next_reload) next_reload = read_credentials();
       const MonotonicInstant until = std::min(deadline, next_reload);
       if (auto message = subscription.wait(until)) return message;
       if (until == deadline) return std::nullopt;
@@ -140,7 +142,7 @@ class OperatorClient::Impl {
 
   void start_commanding() {
     files.start_signing();
-    read_credentials();
+    next_reload = read_credentials();
     if (const std::string obstacle = files.obstacle(); !obstacle.empty()) {
       throw InputError(obstacle);
     }
@@ -199,7 +201,6 @@ class OperatorClient::Impl {
   bus::Credentials credentials;
   bus::CredentialFiles files;
   MonotonicInstant next_reload;
-  const std::string not_verified;
   std::unique_ptr<bus::Subscription<wire::ReplyMessage>> replies;  ///< null until the first command
   bus::Subscription<wire::HealthMessage> healths;
   bus::Subscription<wire::EventMessage> events;
@@ -212,7 +213,7 @@ OperatorClient::OperatorClient(const Studio& studio) : impl_(std::make_unique<Im
 OperatorClient::~OperatorClient() = default;
 
 const std::vector<std::string>& OperatorClient::nodes() const { return impl_->nodes; }
-const std::string& OperatorClient::not_verified() const { return impl_->not_verified; }
+std::string OperatorClient::not_verified() const { return impl_->not_verified(); }
 
 Answer OperatorClient::command(wire::CommandMessage command, MonotonicInstant deadline,
                                const std::function<void(const wire::ReplyMessage&)>& on_reply) {
@@ -254,7 +255,7 @@ std::optional<wire::EventMessage> OperatorClient::next_event(MonotonicInstant de
 
 std::optional<wire::MeshMessage> OperatorClient::next_mesh(MonotonicInstant deadline) {
   if (!impl_->meshes) {
-    constexpr size_t kMeshQueue = 8;
+    constexpr size_t kMeshQueue = 64;  // a node that begins to publish sends a second at once
     impl_->meshes = std::make_unique<bus::Subscription<wire::MeshMessage>>(
         impl_->bus, wire::kMeshChannel, kMeshQueue);
   }

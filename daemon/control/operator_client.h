@@ -35,8 +35,8 @@ class OperatorClient {
   OperatorClient& operator=(const OperatorClient&) = delete;
 
   const std::vector<std::string>& nodes() const;
-  /// Why messages are accepted unverified: there is no studio key. Empty if they are verified.
-  const std::string& not_verified() const;
+  /// Why messages are accepted unverified: there is no studio key yet. Empty if they are verified.
+  std::string not_verified() const;
 
   /// Executes an order with a StudioCoordinator until every node has sent a final reply, or until
   /// `deadline`. Taking back takes up to StudioCoordinator::kTakeBackTimeout longer. Commands carry

@@ -117,12 +117,17 @@ std::optional<RelayedMessage> RelayReader::next() {
 void relay_bus(const Studio& studio, int to) {
   std::signal(SIGPIPE, SIG_IGN);
   control::OperatorClient client(studio);
-  bool is_open = write_all(to, encode_record(NotVerified{client.not_verified()}));
+  bool is_open = true;
+  std::optional<std::string> reason;  // why messages are not verified, as sent last
   const auto relay = [&](const auto& message) {
     if (message) is_open = is_open && write_all(to, encode_record(*message));
     return message.has_value();
   };
   while (is_open && has_reader(to)) {
+    if (const std::string why = client.not_verified(); why != reason) {
+      is_open = write_all(to, encode_record(NotVerified{why}));
+      reason = why;
+    }
     relay(client.next_mesh(Monotonic::now() + kPollPeriod));
     const MonotonicInstant now = Monotonic::now();
     while (relay(client.next_health(now))) continue;
