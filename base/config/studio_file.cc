@@ -268,6 +268,9 @@ std::vector<std::string> read_reconstruction_nodes(const TomlTable& table, const
   return nodes;
 }
 
+/// A node that shares a take ends its wait for any mesh after 15 s.
+constexpr int kMaxSharedDeadlineMs = 10'000;
+
 void read_reconstruction(const TomlTable& file, Studio& studio) {
   static constexpr std::array<std::pair<std::string_view, Quality>, 3> kQualities = {
       {{"live", Quality::kLive}, {"medium", Quality::kMedium}, {"high", Quality::kHigh}}};
@@ -280,6 +283,10 @@ void read_reconstruction(const TomlTable& file, Studio& studio) {
   r.quality = choice(table, "quality", "medium", kQualities);
   r.threads = ranged_int(table, "threads", r.threads, 0, 1024);
   r.deadline_ms = ranged(table, "deadline_ms", r.deadline_ms, 1, 60'000);
+  if (r.nodes.size() > 1 && r.deadline_ms > kMaxSharedDeadlineMs) {
+    table.fail("deadline_ms", fmt::format("expected at most {} with {} reconstruction nodes",
+                                          kMaxSharedDeadlineMs, r.nodes.size()));
+  }
   r.repair = table.boolean_or("repair", r.repair);
   r.performers = table.boolean_or("performers", r.performers);
   if (r.performers && r.nodes.size() > 1) {

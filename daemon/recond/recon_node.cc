@@ -338,6 +338,8 @@ std::optional<control::NodeReport> ReconNode::poll_draining() {
     return control::NodeReport{
         .event = control::Input::kDrained, .text = "nothing to reconstruct", .detail = {}};
   }
+  train_.poll(command_.take);
+  if (train_.commanded() > 0) pipeline_->on_last_pulse(train_.commanded() - 1);
   const MonotonicInstant now = Monotonic::now();
   const bool waited = now - drain_began_ > kDrainIdle;
   if (!(waited && pipeline_->drained(kDrainIdle)) && now < drain_began_ + kDrainWithin) {

@@ -412,6 +412,10 @@ ReconCounts ReconPipeline::counts() const {
   return counts;
 }
 
+void ReconPipeline::on_last_pulse(int64_t pulse) {
+  if (shared_) shared_->on_pulse(pulse);
+}
+
 bool ReconPipeline::drained(Duration idle_time) const {
   const bool is_idle = idle_.idle_for(idle_time) && open_sets_ == 0;
   if (shared_) return is_idle && shared_->is_settled();

@@ -117,6 +117,9 @@ class ReconPipeline {
   ReconPipeline(const ReconPipeline&) = delete;
   ReconPipeline& operator=(const ReconPipeline&) = delete;
 
+  /// The number of the last pulse of the train, as its node reports it. A shared take waits for its
+  /// mesh, also where no sense line reports pulses. Any thread.
+  void on_last_pulse(int64_t pulse);
   ReconCounts counts() const;
   /// Was every received set reconstructed or dropped, and was no frame received for `idle_time`
   /// when the assembling thread last checked?

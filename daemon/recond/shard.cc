@@ -247,10 +247,20 @@ bool Shard::is_lost(int64_t pulse) const {
   const auto known = known_since(pulse);
   if (!known) return false;
   if (reorder_->is_full() || now_ - *known >= kMaxWait) return true;
-  if (is_pending(pulse)) return false;
-  // The mesh of a slow owner may arrive after its status.
-  const auto done = members_.done_since(members_.owner(pulse, now_), pulse);
-  return now_ - std::max(*known, done.value_or(*known)) >= setup_.loss_timeout;
+  return !is_pending(pulse) && now_ >= lost_after(pulse, *known);
+}
+
+/// The time at which a pulse counts as lost that no node has in work, and that is known since
+/// `known`. The mesh of a slow owner may arrive after its status. The node that it belongs to may
+/// be silent only for a moment. The set of this node may not be assembled yet.
+Duration Shard::lost_after(int64_t pulse, Duration known) const {
+  const size_t owner = members_.owner(pulse, now_);
+  const auto slot = static_cast<size_t>(pulse % static_cast<int64_t>(members_.size()));
+  const Duration done = members_.done_since(owner, pulse).value_or(known);
+  const Duration silent = members_.silent_since(slot, now_).value_or(known);
+  const bool may_be_assembled = owner == self_ && newest_set_ < pulse;
+  return std::max({known, done, silent}) + setup_.loss_timeout +
+         (may_be_assembled ? setup_.deadline : Duration::zero());
 }
 
 void Shard::order_meshes() {
@@ -318,7 +328,9 @@ bool Shard::may_start_publishing(const Unpublished& front) const {
   if (before == self_) return true;
   const wire::ShardMessage& status = members_.status(before);
   const Duration waited = now_ - front.since;
-  if (status.ordered < first_ - 1) return waited >= kMaxWait;
+  if (status.ordered < first_ - 1) {
+    return waited >= kMaxWait || unpublished_.size() >= kMaxUnpublished / 2;
+  }
   return published_ >= status.shown || waited >= setup_.loss_timeout;
 }
 

@@ -47,8 +47,9 @@ struct ShardCounts {
 /// Pure: after advance(), the take_..() functions return what to do. One thread.
 class Shard {
  public:
-  /// A pulse counts as lost kLossTimeout after it became known and its owner reported it as done,
-  /// and after kMaxWait when its owner still reports it as pending.
+  /// A pulse counts as lost kLossTimeout after it became known, its owner reported it as done, and
+  /// a node that it belongs to fell silent, and after kMaxWait when its owner still reports it as
+  /// pending.
   static constexpr Duration kLossTimeout = std::chrono::seconds(1);
   static constexpr Duration kMaxWait = std::chrono::seconds(15);
   /// A mesh that its owner reports as made, but that has not arrived, is made again after this.
@@ -126,7 +127,7 @@ class Shard {
     Duration since{};
   };
   static constexpr size_t kMaxGivenUp = 64;
-  static constexpr size_t kMaxUnpublished = 512;
+  static constexpr size_t kMaxUnpublished = 1024;  ///< twice those of a ReorderBuffer
 
   void join_after(int64_t pulse);
   void update_frame_groups();
@@ -135,6 +136,7 @@ class Shard {
   void record_known(int64_t pulse);
   void record_announced();
   std::optional<Duration> known_since(int64_t pulse) const;
+  Duration lost_after(int64_t pulse, Duration known) const;
   void hold(recon::ReadySet set);
   void release(std::map<int64_t, Held>::iterator held);
   void check_held_sets();

@@ -1,5 +1,6 @@
 #include "daemon/recond/shard_members.h"
 
+#include <iterator>
 #include <numeric>
 
 #include "base/core/error.h"
@@ -45,11 +46,15 @@ bool ShardMembers::on_status(const wire::ShardMessage& status, Duration now) {
   for (const int64_t pulse : status.given_up) {
     if (pulse >= forgotten_) member.given_up.insert(pulse);
   }
+  while (member.given_up.size() > kMaxGivenUp) {
+    member.given_up.erase(std::prev(member.given_up.end()));
+  }
   // A node that takes over an older pulse reports less than before.
   while (!member.done.empty() && member.done.back().first > status.done) member.done.pop_back();
   if (member.done.empty() || member.done.back().first < status.done) {
     member.done.emplace_back(status.done, now);
   }
+  if (member.done.size() > kMaxDone) member.done.pop_front();
   member.status = status;
   return true;
 }
@@ -93,6 +98,12 @@ std::optional<Duration> ShardMembers::done_since(size_t index, int64_t pulse) co
     if (last >= pulse) return since;
   }
   return std::nullopt;
+}
+
+std::optional<Duration> ShardMembers::silent_since(size_t index, Duration now) const {
+  const auto& received = members_[index].received;
+  if (!received || is_alive(index, now)) return std::nullopt;
+  return *received + liveness_timeout_;
 }
 
 int ShardMembers::rank(int64_t pulse, Duration now) const {

@@ -85,6 +85,9 @@ class ShardMembers {
   /// Since when another node reports `pulse` as done. Empty while it does not. Valid from the
   /// pulse of forget_before() on.
   std::optional<Duration> done_since(size_t index, int64_t pulse) const;
+  /// Since when a node that was alive counts as silent. Empty while it is alive, and for a node
+  /// without any status.
+  std::optional<Duration> silent_since(size_t index, Duration now) const;
   bool has_given_up(size_t index, int64_t pulse) const {
     return members_[index].given_up.contains(pulse);
   }
@@ -100,6 +103,10 @@ class ShardMembers {
     /// Pulses up to the first value are done since the second one. Both increase.
     std::deque<std::pair<int64_t, Duration>> done;
   };
+  /// Limits of the state that one node can cause here. Senders list at most 64 pulses.
+  static constexpr size_t kMaxGivenUp = 1024;
+  static constexpr size_t kMaxDone = 4096;
+
   std::vector<bool> available_members(int64_t pulse, Duration now) const;
 
   const std::vector<std::string> roster_;

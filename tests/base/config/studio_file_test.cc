@@ -145,6 +145,9 @@ TEST(StudioFile, accepts_one_or_several_reconstruction_nodes) {
             where + "nodes: 'recon01' is listed twice");
   EXPECT_THAT(message_for(shared("nodes = [\"recon01\", \"recon02\"]\nperformers = true")),
               HasSubstr("reconstruction.performers: expected false with 2 reconstruction nodes: "));
+  EXPECT_EQ(message_for(shared("nodes = [\"recon01\", \"recon02\"]\ndeadline_ms = 12000")),
+            "/etc/v3d/studio.toml:43: reconstruction.deadline_ms: expected at most 10000 with 2 "
+            "reconstruction nodes");
   EXPECT_EQ(message_for(shared("nodes = []")),
             where + "nodes: expected the names of [[node]]s, found none");
   EXPECT_EQ(message_for(shared("node = \"recon01\"\nnodes = [\"recon02\"]")),

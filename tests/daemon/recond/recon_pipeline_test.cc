@@ -432,6 +432,20 @@ TEST_F(SharedPipelinesInGroups, receive_frames_of_their_own_pulses_and_get_all_m
   EXPECT_EQ(read_file(folder_ / "recon01.v3d"), read_file(folder_ / "recon02.v3d"));
 }
 
+TEST_F(SharedPipelinesInGroups, wait_for_the_last_pulse_that_the_node_of_the_trigger_reports) {
+  Node one(kGroups), two(kGroups);
+  begin(one, "recon01");
+  begin(two, "recon02");
+  ASSERT_TRUE(have(one, two, [](const ReconCounts& c) { return c.shard->alive == 2; }));
+  ASSERT_TRUE(send_and_wait(0, 4, one));
+  const auto is_drained = [&] { return one.pipeline->drained(Duration::zero()); };
+  ASSERT_TRUE(becomes_true(is_drained, within(30)));
+  one.pipeline->on_last_pulse(4);
+  EXPECT_FALSE(is_drained()) << "no sense line reports pulses here";
+  ASSERT_TRUE(send_and_wait(4, 5, one));
+  EXPECT_TRUE(becomes_true(is_drained, within(30)));
+}
+
 TEST_F(SharedPipelinesInGroups, take_over_the_group_of_a_node_that_ended) {
   constexpr int64_t kPulses = 12;
   constexpr Duration kLivenessTimeout = std::chrono::seconds(5);

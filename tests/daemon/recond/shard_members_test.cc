@@ -85,6 +85,16 @@ TEST(ShardMembers, accept_a_node_that_restarted_with_an_earlier_clock) {
   EXPECT_FALSE(accepts(39, milliseconds(2050)));
 }
 
+TEST(ShardMembers, keep_a_bounded_number_of_pulses_that_a_node_gives_up) {
+  ShardMembers members({"recon1", "recon2"}, 0);
+  wire::ShardMessage status;
+  status.node = "recon2";
+  for (int64_t pulse = 0; pulse < 100'000; ++pulse) status.given_up.push_back(pulse);
+  ASSERT_TRUE(members.on_status(status, Duration::zero()));
+  EXPECT_TRUE(members.has_given_up(1, 0));
+  EXPECT_FALSE(members.has_given_up(1, 99'999));
+}
+
 TEST(ActiveTimeClock, excludes_time_in_which_the_process_was_stopped) {
   using std::chrono::milliseconds;
   ActiveTimeClock clock;

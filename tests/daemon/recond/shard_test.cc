@@ -86,6 +86,66 @@ TEST(Shard, publishes_every_pulse_when_the_publisher_before_a_late_node_is_slow)
   EXPECT_EQ(studio.published(), range(0, 170));
 }
 
+TEST(Shard, begins_to_publish_when_hundreds_of_meshes_wait_for_the_publisher_before) {
+  MonotonicInstant now = from_ns<Monotonic>(1'000'000'000);
+  Shard shard({.take = kTake, .roster = {"recon1", "recon2"}, .node = "recon1", .joins_late = true},
+              now);
+  wire::ShardMessage other;
+  other.take = kTake;
+  other.node = "recon2";
+  other.first = 0;
+  recon::ReadySet seen;
+  seen.set.pulse = 20;
+  shard.on_set(std::move(seen));
+  const int64_t first = shard.status().first;
+  std::vector<int64_t> published;
+  for (int64_t pulse = first; pulse < first + 700; ++pulse) {
+    now += milliseconds(20);
+    other.sent = from_ns<Realtime>(to_ns(now));
+    shard.on_status(other);
+    wire::MeshMessage mesh;
+    mesh.take = kTake;
+    mesh.pulse = pulse;
+    shard.on_mesh(mesh);
+    shard.advance(now);
+    for (const wire::MeshMessage& shown : shard.pop_to_publish()) published.push_back(shown.pulse);
+  }
+  EXPECT_EQ(published, range(first, first + 700));
+}
+
+TEST(Shard, waits_for_a_set_of_its_own_until_the_deadline_of_its_frames) {
+  MonotonicInstant now = from_ns<Monotonic>(1'000'000'000);
+  Shard shard({.take = kTake,
+               .roster = {"recon1", "recon2"},
+               .node = "recon1",
+               .deadline = std::chrono::seconds(2)},
+              now);
+  wire::ShardMessage other;
+  other.take = kTake;
+  other.node = "recon2";
+  other.first = 0;
+  const auto run = [&](Duration time) {
+    for (Duration passed{}; passed < time; passed += milliseconds(50)) {
+      now += milliseconds(50);
+      other.sent = from_ns<Realtime>(to_ns(now));
+      shard.on_status(other);
+      shard.advance(now);
+    }
+  };
+  run(milliseconds(50));
+  wire::MeshMessage mesh;
+  mesh.take = kTake;
+  mesh.pulse = 1;
+  other.done = 1;
+  shard.on_mesh(mesh);
+  run(milliseconds(1900));
+  EXPECT_EQ(shard.without_mesh(), std::vector<int64_t>());
+  recon::ReadySet late;
+  late.set.pulse = 0;
+  shard.on_set(std::move(late));
+  EXPECT_EQ(shard.pop_work().size(), 1U);
+}
+
 TEST(Shard, continues_with_one_node) {
   SharedStudio studio(3, {.work = milliseconds(10)}, 4);
   studio.pulse(20);
