@@ -60,7 +60,8 @@ void CameraSession::disarm() {
   strays_.clear();
   labelled_.clear();
   ready_ = running_ = expecting_ = missing_ = joins_late_ = resumes_take_ = false;
-  train_is_over_ = false;
+  train_is_over_ = was_ready_ = false;
+  unquiet_frames_ = 0;
 }
 
 void CameraSession::train_ended() {
@@ -69,7 +70,9 @@ void CameraSession::train_ended() {
 }
 
 void CameraSession::pulse_at(const PulseEdge& edge) {
-  if (!matcher_ || !ready_) return;
+  if (!matcher_) return;
+  if (!ready_ && was_ready_) join_late();
+  if (!ready_) return;
   if (running_) return expect_after(edge);
   if (!train_is_over_ && !std::exchange(expecting_, true)) {
     reset_silence(std::max(last_frame_, edge.is_timed ? edge.at : options_.now()));
@@ -124,6 +127,9 @@ void CameraSession::receive(CameraFrame frame) {
   last_counter_ = frame.counter;
   const int64_t damaged = camera_->statistics().damaged;
   const int64_t new_damaged = damaged - std::exchange(damaged_at_last_, damaged);
+  if (!in_take() && was_ready_ && !edges_are_reported_ && ++unquiet_frames_ >= kStartFrames) {
+    join_late();  // that many in succession are of pulses
+  }
   if (!in_take()) return;
   missing_ = false;
   text_.clear();
@@ -169,7 +175,7 @@ void CameraSession::close() {
 
 void CameraSession::check_quiet() {
   if (!matcher_ || ready_ || running_ || silence_ < kQuietPeriods * period_) return;
-  ready_ = true;
+  ready_ = was_ready_ = true;
   missing_ = false;
   text_.clear();
   const int64_t damaged = camera_->statistics().damaged;
@@ -181,6 +187,9 @@ void CameraSession::check_quiet() {
   }
   damaged_at_last_ = damaged;
 }
+
+/// The take has this camera, and pulses began before it was open again: it is never quiet.
+void CameraSession::join_late() { joins_late_ = ready_ = true; }
 
 void CameraSession::check_loss() {
   if (camera_->lost()) return reopen("stopped answering");
@@ -209,9 +218,10 @@ void CameraSession::reopen(const std::string& why) {
   report_missing(why);
   close();
   if (matcher_) matcher_->reopened();
-  // A camera that was lost before the first pulse must be quiet again. Later, the times of the
-  // pulses identify the first frame.
+  // A camera that was lost before the first pulse must be quiet again, unless pulses begin first.
+  // Later, the times of the pulses identify the first frame.
   if (!start_.edge && !joins_late_) ready_ = false;
+  unquiet_frames_ = 0;
   retry_at_ = options_.now();
 }
 
@@ -259,7 +269,8 @@ void CameraSession::label_first_frames(bool no_more) {
   if (!start) return;
   running_ = true;
   expect_frames();
-  matcher_->begin(start->pulse, start->certain);
+  // Without the time of a pulse, nothing shows how many pulses were before a late first frame.
+  matcher_->begin(start->pulse, start->certain && (start_.edge || !joins_late_));
   deliver_held(start->strays);
 }
 

@@ -26,6 +26,10 @@ namespace v3d::capture {
 /// kStartFrames, and kMaxStartFrames after a stall of this host, or after rejoin() until a pulse is
 /// reported.
 ///
+/// A camera that was ready, and is lost before the first pulse, joins the train when it is open
+/// again: with the next reported pulse, or where none are reported, with the eighth frame. Without
+/// the time of a pulse, all its frames are suspect.
+///
 /// A camera counts as silent only while step() waits. While this host stalls, frames may be
 /// waiting.
 class CameraSession {
@@ -65,6 +69,7 @@ class CameraSession {
   void reset_silence(MonotonicInstant at);
   void observe_silence();
   void check_quiet();
+  void join_late();
   void check_loss();
   MonotonicInstant wait_deadline() const;
   void receive(CameraFrame frame);
@@ -102,7 +107,7 @@ class CameraSession {
   std::optional<PulseMatcher> matcher_;
   StartEvidence start_;
   bool edges_are_reported_ = false;
-  bool joins_late_ = false;         ///< rejoins a train that is already running
+  bool joins_late_ = false;         ///< joins a train that is already running
   bool resumes_take_ = false;       ///< rejoins with frames from before the restart in the matcher
   std::deque<CameraFrame> held_;    ///< first frames, not yet labelled
   std::deque<CameraFrame> strays_;  ///< exposed before the pulses; delivered after pulse 0
@@ -113,6 +118,8 @@ class CameraSession {
   std::optional<uint64_t> last_counter_;
   int64_t damaged_at_last_ = 0;  ///< count of damaged frames at the last complete one or at ready
   bool ready_ = false;           ///< the camera was silent for kQuietPeriods after arm()
+  bool was_ready_ = false;       ///< the camera was ready once since arm(), so the take has it
+  size_t unquiet_frames_ = 0;    ///< frames since it was reopened, while it was not ready
   bool running_ = false;         ///< frames of the take are delivered
   bool expecting_ = false;       ///< pulses are running, so frames must arrive
   bool train_is_over_ = false;   ///< train_ended() was called

@@ -152,6 +152,14 @@ TEST_F(RejoiningCameraSessionTest, suspects_all_frames_without_frames_from_befor
   EXPECT_EQ(suspect(), std::ssize(frames_));
 }
 
+TEST_F(RejoiningCameraSessionTest,
+       suspects_all_frames_without_earlier_frames_and_without_a_sense_line) {
+  sensed_ = false;
+  state_is_empty_ = true;
+  rejoin_after(100);
+  EXPECT_EQ(suspect(), std::ssize(frames_));
+}
+
 TEST_F(RejoiningCameraSessionTest, labels_frames_by_the_camera_clock_without_a_sense_line) {
   sensed_ = false;
   latency_is_unknown_ = true;

@@ -1,4 +1,4 @@
-// CameraSession in the first train after a start: long latencies, and pulses with wrong times.
+// CameraSession at the start of a train: long latencies, pulses with wrong times, late cameras.
 
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
@@ -12,6 +12,7 @@ namespace v3d::capture {
 namespace {
 
 using std::chrono::milliseconds;
+using std::chrono::seconds;
 
 class StartingCameraSessionTest : public SensedCameraSessionTest {
  protected:
@@ -92,6 +93,54 @@ TEST_F(StartingCameraSessionTest,
     ASSERT_EQ(frames_.size(), 50U);
     EXPECT_EQ(session_->status().suspect, 50) << ms;
   }
+}
+
+class LateCameraSessionTest : public SensedCameraSessionTest {
+ protected:
+  /// The camera is lost after it was ready, and is open again a second after pulse 0.
+  void miss_the_first_second() {
+    make_ready();
+    frames_.clear();
+    script_->plugged = false;
+    ASSERT_TRUE(reach(CameraState::kLost));
+    script_->start_train(200);
+    play(seconds(1));
+    script_->plugged = true;
+    play(seconds(4));
+    EXPECT_GT(frames_.size(), 50U);
+    EXPECT_EQ(session_->status().state, CameraState::kRunning);
+    EXPECT_EQ(session_->status().losses, 1);
+  }
+};
+
+TEST_F(LateCameraSessionTest, joins_a_train_that_began_while_a_ready_camera_was_lost) {
+  train_before();
+  miss_the_first_second();
+  EXPECT_EQ(mislabelled(), 0);
+  EXPECT_EQ(session_->status().suspect, 0);
+}
+
+TEST_F(LateCameraSessionTest, suspects_all_frames_of_a_late_camera_if_no_time_of_a_pulse_is_known) {
+  train_before();
+  reports_are_timed_ = false;
+  miss_the_first_second();
+  EXPECT_EQ(session_->status().suspect, std::ssize(frames_));
+}
+
+TEST_F(LateCameraSessionTest, suspects_all_frames_of_a_late_camera_if_no_pulses_are_reported) {
+  sensed_ = false;
+  miss_the_first_second();
+  EXPECT_EQ(session_->status().suspect, std::ssize(frames_));
+}
+
+TEST_F(LateCameraSessionTest, delivers_no_frame_of_a_camera_that_was_not_ready_before_the_train) {
+  script_->plugged = false;
+  session_->arm(script_->period, sensed_);
+  script_->start_train(200);
+  play(seconds(1));
+  script_->plugged = true;
+  play(seconds(4));
+  EXPECT_TRUE(frames_.empty());
 }
 
 RC_GTEST_FIXTURE_PROP(StartingCameraSessionTest,
