@@ -248,7 +248,10 @@ bool NodeTrigger::sensor_count_is_better() const {
 }
 
 int64_t NodeTrigger::commanded(int64_t seen) const {
-  if (sensor_count_is_better()) return seen;
+  if (sensor_count_is_better()) {
+    const bool is_sensed = unsensed_warning(seen).empty();  // else the sense line is broken
+    return is_sensed ? seen : generator_->commanded();
+  }
   // On other nodes: the messages of the last pulses may have been lost.
   return generator_ ? generator_->commanded() : std::max(seen, monitor_->commanded());
 }

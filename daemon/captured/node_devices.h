@@ -128,7 +128,8 @@ class NodeTrigger {
 
   /// The generator does not count pulses exactly, but the sense line does.
   bool sensor_count_is_better() const;
-  /// Pulses of the train until now. `seen`: pulses that this node has seen.
+  /// Pulses of the train until now. `seen`: pulses that this node has seen, up to the last one. An
+  /// estimate where the generator does not count exactly and the sense line misses its last pulses.
   int64_t commanded(int64_t seen) const;
   /// False on another node that has not received the end of the train: more pulses may follow.
   bool end_is_known() const { return generator_ || monitor_->ended(); }

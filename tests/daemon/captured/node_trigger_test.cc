@@ -114,5 +114,17 @@ TEST(SensedTrigger, warns_of_a_lost_sense_line_also_where_the_commanded_pulses_a
   EXPECT_EQ(trigger.unsensed_warning(99'950), "") << "the clocks differ";
 }
 
+TEST(SensedTrigger, estimates_the_pulses_where_nothing_counts_them_and_the_sense_line_is_broken) {
+  auto* const generator = new CountingGenerator;
+  const NodeTrigger trigger(std::unique_ptr<trigger::PulseGenerator>(generator),
+                            std::make_unique<SilentSensor>());
+  generator->is_exact = false;
+  generator->count = 400;
+  EXPECT_EQ(trigger.commanded(398), 398) << "the sense line counts better";
+  EXPECT_EQ(trigger.commanded(402), 402) << "the clocks differ";
+  EXPECT_EQ(trigger.commanded(300), 400);
+  EXPECT_EQ(trigger.commanded(0), 400);
+}
+
 }  // namespace
 }  // namespace v3d::captured
