@@ -86,7 +86,9 @@ void BackgroundGenerator::arm(const PulseTrain& train) {
   stop();
   output_on_ = true;
   arming_task_ = enqueue([this, train] { generator_->arm(train); });
+  std::string fault = std::move(last_status_.fault);  // pulses may continue until it is armed
   last_status_ = {};
+  last_status_.fault = std::move(fault);
 }
 
 bool BackgroundGenerator::armed() {

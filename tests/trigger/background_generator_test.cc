@@ -184,5 +184,12 @@ TEST_F(BackgroundGeneratorTest, stops_again_after_a_stop_that_failed_and_never_a
   EXPECT_EQ(bench_.recorded_calls().size(), 5U);
 }
 
+TEST_F(HangingBackgroundGenerator, reports_that_pulses_may_continue_while_it_is_armed_again) {
+  bench_.fault = "pulses may continue: usb:0957:2c07: was unplugged";
+  bench_.hang_in("arm");
+  generator_.arm({});
+  EXPECT_EQ(generator_.fault(), bench_.fault);
+}
+
 }  // namespace
 }  // namespace v3d::trigger

@@ -359,6 +359,30 @@ TEST(ScpiGenerator, stops_the_pulses_when_it_is_plugged_in_again) {
   EXPECT_EQ(generator->commanded(), commanded) << "the take has ended";
 }
 
+TEST(ScpiGenerator, reports_that_pulses_may_continue_after_it_could_not_be_armed_again) {
+  Bench bench("siglent-sdg");
+  const auto generator = unplugged_generator(bench);
+  EXPECT_THROW(generator->arm(train_of(10)), InputError);
+  EXPECT_THAT(generator->fault(), HasSubstr("pulses may continue"));
+  generator->stop();
+  EXPECT_THAT(generator->fault(), HasSubstr("pulses may continue"));
+  bench.unplugged_after = -1;
+  generator->stop();
+  EXPECT_FALSE(bench.generator.output_on());
+  EXPECT_EQ(generator->fault(), "");
+}
+
+TEST(ScpiGenerator, reports_no_pulses_after_it_was_turned_off_and_could_not_be_armed) {
+  Bench bench("siglent-sdg");
+  const auto generator = unplugged_generator(bench);
+  bench.unplugged_after = -1;
+  bench.invalid_answers["C1:BSWV?"] = "C1:BSWV WVTP,SINE";
+  EXPECT_THROW(generator->arm(train_of(10)), InputError);
+  EXPECT_FALSE(bench.generator.output_on());
+  generator->stop();
+  EXPECT_EQ(generator->fault(), "");
+}
+
 TEST(ScpiGeneratorDeathTest, aborts_with_a_message_when_it_is_started_before_arm) {
   Bench bench("keysight33500");
   const auto generator = generator_on(bench, trigger_of(Dialect::kKeysight33500));

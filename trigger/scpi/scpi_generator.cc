@@ -121,16 +121,15 @@ void ScpiGenerator::silence() {
 void ScpiGenerator::turn_off() {
   off_sent_ = clock_.now();
   apply(dialect_.off);
-  output_on_ = false;
+  output_on_ = may_run_ = false;
+  fault_.clear();
 }
 
 void ScpiGenerator::arm(const PulseTrain& train) {
   check_train(train, trigger_.instrument.text());
-  may_run_ = false;
   start_sent_.reset();
   started_.reset();
   stopped_.reset();
-  fault_.clear();
   values_.train = train;
   close_gate();
   with_retries([&] { program(train); });
