@@ -108,6 +108,7 @@ class Setup {
   Applied all() {
     const std::string device = capabilities();
     const v4l2_pix_format format = image_format();
+    prepare_interval(format);
     for (const AutomaticControl& control : kAutomaticControls) switch_off(control);
     exposure();
     for (const CameraFeature& feature : settings_.features) write(feature);
@@ -273,6 +274,23 @@ class Setup {
     control("trigger_control " + hexadecimal(id), id, settings_.trigger_value);
   }
 
+  /// The interval that the camera has from before may bound the exposure time. So it is written
+  /// before the exposure, without a check, and again after all settings that may change it.
+  void prepare_interval(const v4l2_pix_format& format) const {
+    v4l2_streamparm parameters{};
+    parameters.type = kCapture;
+    if (!rate_hz_ || !has_interval(parameters)) return;
+    parameters.parm.capture.timeperframe =
+        settings_.trigger_control ? best_interval(format, *rate_hz_) : interval_of(*rate_hz_);
+    device_.control(VIDIOC_S_PARM, &parameters);  // error ignored: the later check decides
+  }
+
+  /// Reads the parameters. False where the driver has no frame interval.
+  bool has_interval(v4l2_streamparm& parameters) const {
+    return device_.control(VIDIOC_G_PARM, &parameters) == 0 &&
+           (parameters.parm.capture.capability & V4L2_CAP_TIMEPERFRAME) != 0;
+  }
+
   /// Sets the frame interval of a free-running camera and reads it back.
   void rate(double hz) const {
     v4l2_streamparm parameters{};
@@ -323,10 +341,7 @@ class Setup {
   void frame_interval(const v4l2_pix_format& format, double hz) {
     v4l2_streamparm parameters{};
     parameters.type = kCapture;
-    if (device_.control(VIDIOC_G_PARM, &parameters) != 0 ||
-        (parameters.parm.capture.capability & V4L2_CAP_TIMEPERFRAME) == 0) {
-      return;
-    }
+    if (!has_interval(parameters)) return;
     v4l2_fract& interval = parameters.parm.capture.timeperframe;
     interval = best_interval(format, hz);
     device_.control(VIDIOC_S_PARM, &parameters);  // error ignored: the value read back decides

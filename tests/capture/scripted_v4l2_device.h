@@ -51,6 +51,7 @@ struct Driver {
   v4l2_fract interval{1, 30};
   std::vector<double> rates = {10, 25, 30000.0 / 1001};  ///< Hz; it selects the nearest one
   bool lists_rates = true;
+  bool interval_bounds_exposure = false;
   bool has_parm = true;  ///< VIDIOC_G_PARM and VIDIOC_S_PARM
   int queue_error = 0;
 
@@ -92,6 +93,7 @@ class ScriptedDevice : public V4l2Device {
         const auto& value = *static_cast<v4l2_control*>(argument);
         if (driver_.stores_controls && known(value.id) == 0 && !driver_.fixed.contains(value.id)) {
           driver_.controls[value.id] = value.value;
+          bound_exposure();
         }
         return known(value.id);
       }
@@ -167,10 +169,19 @@ class ScriptedDevice : public V4l2Device {
           driver_.rates.begin(), driver_.rates.end(),
           [&](double a, double b) { return std::abs(a - wanted) < std::abs(b - wanted); });
       driver_.interval = interval_of(*nearest);
+      bound_exposure();
     }
     parameters.capability = driver_.parm_capability;
     interval = driver_.interval;
     return 0;
+  }
+
+  /// To one frame interval; the control counts in steps of 100 us.
+  void bound_exposure() {
+    const auto exposure = driver_.controls.find(V4L2_CID_EXPOSURE_ABSOLUTE);
+    if (!driver_.interval_bounds_exposure || exposure == driver_.controls.end()) return;
+    const double seconds = double{1} * driver_.interval.numerator / driver_.interval.denominator;
+    exposure->second = std::min(exposure->second, static_cast<int32_t>(10'000 * seconds));
   }
 
   int image_format(v4l2_format& format, bool set) {

@@ -291,6 +291,22 @@ TEST_F(V4l2CameraTest, rejects_an_exposure_time_far_below_the_steps_of_v4l2) {
               HasSubstr("exposure_us: expected 20, found 100; V4L2 counts in steps"));
 }
 
+TEST_F(V4l2CameraTest, takes_an_exposure_time_that_is_longer_than_the_interval_from_before) {
+  driver_.interval_bounds_exposure = true;
+  driver_.rates = {25, 60};
+  settings_.exposure_us = 30'000;
+  for (const bool is_triggered : {true, false}) {
+    if (!is_triggered) settings_.trigger_control.reset();
+    driver_.interval = {1, 60};
+    driver_.controls[V4L2_CID_EXPOSURE_ABSOLUTE] = 100;
+    const auto c = camera();
+    c->set_rate(25);
+    c->start();
+    EXPECT_EQ(driver_.controls[V4L2_CID_EXPOSURE_ABSOLUTE], 300) << is_triggered;
+    EXPECT_TRUE(c->differences().empty()) << is_triggered;
+  }
+}
+
 TEST_F(V4l2CameraTest, writes_the_controls_of_the_studio_file_by_their_names) {
   driver_.controls[V4L2_CID_WHITE_BALANCE_TEMPERATURE] = 2800;
   settings_.features = {{"white_balance_temperature", "4600"}};
