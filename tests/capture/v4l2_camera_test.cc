@@ -15,6 +15,7 @@
 #include <memory>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "base/core/error.h"
@@ -285,6 +286,22 @@ TEST_F(V4l2CameraTest,
               testing::ElementsAre(SettingDifference{"exposure_us", "1000000", "995000", true}));
 }
 
+TEST_F(V4l2CameraTest, warns_of_an_exposure_time_that_the_camera_rounds_by_more_than_a_step) {
+  driver_.fixed = {V4L2_CID_EXPOSURE_ABSOLUTE};
+  for (const auto& [exposure_us, steps] :
+       {std::pair(1200, 10), std::pair(1200, 24), std::pair(20'000, 110)}) {
+    settings_.exposure_us = exposure_us;
+    driver_.controls[V4L2_CID_EXPOSURE_ABSOLUTE] = steps;
+    const auto rounding = camera();
+    rounding->start();
+    EXPECT_THAT(rounding->differences(),
+                testing::ElementsAre(SettingDifference{"exposure_us", std::to_string(exposure_us),
+                                                       std::to_string(100 * steps)}));
+  }
+  driver_.controls[V4L2_CID_EXPOSURE_ABSOLUTE] = 99;
+  EXPECT_THAT(start_error(), HasSubstr("exposure_us: expected 20000, found 9900"));
+}
+
 TEST_F(V4l2CameraTest, rejects_an_exposure_time_far_below_the_steps_of_v4l2) {
   settings_.exposure_us = 20;
   EXPECT_THAT(start_error(),
@@ -408,7 +425,7 @@ TEST_F(V4l2CameraTest, names_the_camera_and_the_rejected_setting) {
               HasSubstr("cam07: pixel_format: expected Mono8, found YUYV; it has YUYV, MJPG"));
   driver_ = {};
   driver_.stores_controls = false;
-  EXPECT_THAT(start_error(), HasSubstr("exposure_us / 100: expected 20, found 333"));
+  EXPECT_THAT(start_error(), HasSubstr("exposure_us: expected 2000, found 33300"));
   driver_ = {};
   driver_.controls.erase(kTrigger);
   EXPECT_THAT(start_error(),
