@@ -74,6 +74,7 @@ std::unique_ptr<ActiveTake> ActiveTake::begin(Context context, Plan plan) {
       take->start_check();
       break;
     default:
+      take->learnt_cameras_ = take->context_.cameras.ready();
       take->start_pulse_recorder({});
   }
   return take;
@@ -160,7 +161,7 @@ void ActiveTake::start() {
   if (plan_.order.verb != wire::CommandVerb::kBackground) return;
   const int64_t plates = plan_.train.count.value();
   learner_ = std::make_unique<BackgroundLearner>(
-      context_.cameras.ready(),
+      learnt_cameras_,
       BackgroundPlan{.plates = plates,
                      .limit = (plates + 2) * period_of(plan_.train.rate_hz) + kPlateTimeout,
                      .folder = context_.studio.storage.background,

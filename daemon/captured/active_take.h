@@ -130,6 +130,8 @@ class ActiveTake {
   std::unique_ptr<NodeTake> recording_;    ///< at most one of these three is not null
   std::unique_ptr<CameraCheck> check_;
   std::unique_ptr<BackgroundLearner> learner_;
+  /// Of a background: the cameras that were ready at begin(). One that is lost later is an error.
+  std::vector<capture::CameraWorker*> learnt_cameras_;
   bool listens_ = false;  ///< the sound input detects a clap
 };
 

@@ -32,10 +32,15 @@ bool contains(const std::vector<std::string>& names, const std::string& name) {
 
 NodeCameras::NodeCameras(const Studio& studio, const std::string& node,
                          const capture::PulseTimes& pulses)
+    : NodeCameras(studio, node, [&pulses](const StudioCamera& camera) {
+        return capture::make_camera(camera, pulses);
+      }) {}
+
+NodeCameras::NodeCameras(const Studio& studio, const std::string& node, const MakeCamera& make)
     : studio_(studio) {
   for (const StudioCamera& camera : studio.cameras_of(node)) {
     workers_.push_back(std::make_unique<capture::CameraWorker>(
-        camera.name, [&pulses, camera] { return make_camera(camera, pulses); },
+        camera.name, [make, camera] { return make(camera); },
         capture::CameraWorkerOptions{.queue_frames = kQueueFrames}));
   }
 }

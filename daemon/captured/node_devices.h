@@ -1,12 +1,14 @@
 // Cameras and trigger of one node.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "base/config/studio_file.h"
+#include "capture/cameras/camera.h"
 #include "capture/cameras/camera_worker.h"
 #include "capture/segmentation/background.h"
 #include "capture/sync/pulse_times.h"
@@ -25,9 +27,12 @@ class NodeCameras {
   /// Queue length of each camera: more than 1 s of frames, as long as a disk may stall.
   static constexpr size_t kQueueFrames = 32;
   using Workers = std::vector<std::unique_ptr<capture::CameraWorker>>;
+  using MakeCamera = std::function<std::unique_ptr<capture::Camera>(const StudioCamera&)>;
 
   /// Opens the cameras of `node` in the background. `studio` and `pulses` outlive this object.
   NodeCameras(const Studio& studio, const std::string& node, const capture::PulseTimes& pulses);
+  /// The same with other cameras: `make` makes one, on its thread.
+  NodeCameras(const Studio& studio, const std::string& node, const MakeCamera& make);
   ~NodeCameras();
   NodeCameras(const NodeCameras&) = delete;
   NodeCameras& operator=(const NodeCameras&) = delete;
