@@ -129,6 +129,11 @@ class StateReader {
     const std::lock_guard lock(mutex_);
     return ptp_offset_;
   }
+  /// The clock is synchronised. A camera may give no offset although it is.
+  bool ptp_locked() const {
+    const std::lock_guard lock(mutex_);
+    return ptp_locked_;
+  }
   std::optional<double> temperature_celsius() const {
     const std::lock_guard lock(mutex_);
     return temperature_celsius_;
@@ -148,6 +153,7 @@ class StateReader {
 
   void read() {
     const auto offset = ptp_ ? ptp_->offset() : std::nullopt;
+    const bool locked = offset || (ptp_ && ptp_->is_synchronised());
     std::optional<double> celsius;
     if (has_temperature_) {
       Problem problem;
@@ -156,14 +162,16 @@ class StateReader {
     }
     const std::lock_guard lock(mutex_);
     ptp_offset_ = offset;
+    ptp_locked_ = locked;
     temperature_celsius_ = celsius;
   }
 
   ArvCamera* camera_;
   const std::optional<Ptp> ptp_;
   const bool has_temperature_;
-  mutable std::mutex mutex_;  ///< protects the next two members
+  mutable std::mutex mutex_;  ///< protects the next three members
   std::optional<Duration> ptp_offset_;
+  bool ptp_locked_ = false;
   std::optional<double> temperature_celsius_;
   std::condition_variable_any wake_;
   std::jthread thread_;  ///< last member: it uses the others
@@ -293,6 +301,7 @@ std::optional<CameraFrame> AravisCamera::wait(MonotonicInstant deadline) {
     ArvBuffer* buffer = arv_stream_timeout_pop_buffer(stream, std::max<int64_t>(left.count(), 0));
     read_statistics();
     store_ptp_offset(link_->state().ptp_offset());
+    ptp_locked_ = link_->state().ptp_locked();
     temperature_celsius_ = link_->state().temperature_celsius().value_or(kNoTemperature);
     if (!buffer) return {};
     CameraFrame frame;
@@ -347,6 +356,7 @@ CameraStatistics AravisCamera::statistics() const {
                               .underruns = underruns_,
                               .packets_resent = packets_resent_,
                               .packets_missing = packets_missing_};
+  statistics.ptp_locked = ptp_locked_;
   if (has_ptp_offset_) statistics.ptp_offset = ptp_offset_.load();
   if (exposure_us_ > 0) statistics.exposure_us = exposure_us_;
   if (temperature_celsius_ != kNoTemperature) statistics.temperature_celsius = temperature_celsius_;

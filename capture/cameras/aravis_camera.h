@@ -91,6 +91,7 @@ class AravisCamera : public Camera {
   std::atomic<int64_t> packets_missing_ = 0;
   std::atomic<bool> has_ptp_offset_ = false;
   std::atomic<Duration> ptp_offset_ = Duration{};
+  std::atomic<bool> ptp_locked_ = false;
   std::atomic<double> exposure_us_ = 0;  ///< of the last frame that reported it; 0: none did
   std::atomic<double> temperature_celsius_ = kNoTemperature;
   std::atomic<bool> lost_ = false;

@@ -58,7 +58,8 @@ struct CameraStatistics {
   // Values of the last frame; empty if the camera does not report them.
   std::optional<Duration> phase = {};       ///< of a free-running camera: time after its pulse
   std::optional<Duration> ptp_offset = {};  ///< of the camera's clock from its PTP master
-  std::optional<double> exposure_us = {};   ///< exposure time in the chunk data
+  bool ptp_locked = false;  ///< the camera's clock is a PTP slave or master, also without an offset
+  std::optional<double> exposure_us = {};          ///< exposure time in the chunk data
   std::optional<double> temperature_celsius = {};  ///< of the camera
 };
 /// Sums the counters of two periods in which the camera was open; other values are those of `b`,

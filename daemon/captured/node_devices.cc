@@ -97,7 +97,7 @@ std::string NodeCameras::clock_fault() const {
     const bool is_triggered = std::ranges::any_of(
         studio_.trigger.action.cameras,
         [&](const ActionCamera& camera) { return camera.name == worker->camera(); });
-    if (is_triggered && !worker->status().link.ptp_offset) unlocked.push_back(worker->camera());
+    if (is_triggered && !worker->status().link.ptp_locked) unlocked.push_back(worker->camera());
   }
   if (unlocked.empty()) return {};
   return fmt::format("PTP is not locked on {}", fmt::join(unlocked, ", "));

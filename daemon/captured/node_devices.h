@@ -54,7 +54,8 @@ class NodeCameras {
   /// The required cameras that are not ready, each with its reason, on one line; else empty.
   /// Cameras in `may_be_missing` are not required.
   std::string not_ready(const std::vector<std::string>& may_be_missing) const;
-  /// Of an action trigger: the ready cameras whose clock does not follow PTP, one line; else empty.
+  /// Of an action trigger: the ready cameras whose clock is not locked to PTP, one line; else
+  /// empty.
   std::string clock_fault() const;
   /// Throws InputError when a camera has no calibration, or a required camera has no background
   /// model.

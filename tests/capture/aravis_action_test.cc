@@ -2,6 +2,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <string_view>
 #include <vector>
 
 #include "capture/cameras/aravis_camera.h"
@@ -31,6 +35,7 @@ TEST(AravisCamera, writes_the_keys_of_an_action_trigger_and_enables_ptp) {
   EXPECT_TRUE(camera.differences().empty());
   camera.wait(Monotonic::now() + milliseconds(1));
   EXPECT_TRUE(camera.statistics().ptp_offset) << "its clock is synchronised";
+  EXPECT_TRUE(camera.statistics().ptp_locked);
 }
 
 TEST(AravisCamera, records_that_an_action_camera_does_not_follow_ptp) {
@@ -44,6 +49,30 @@ TEST(AravisCamera, records_that_an_action_camera_does_not_follow_ptp) {
             (std::vector<SettingDifference>{{"PtpStatus", "Slave or Master", "Listening"}}));
   camera.wait(Monotonic::now() + milliseconds(1));
   EXPECT_FALSE(camera.statistics().ptp_offset);
+  EXPECT_FALSE(camera.statistics().ptp_locked);
+}
+
+/// The GenICam description of the simulator, without the offset of the clock.
+std::string description_without_offset(const std::filesystem::path& path) {
+  constexpr std::string_view kOffset = "PtpOffsetFromMaster";
+  std::string xml = sim::genicam_xml();
+  for (size_t at = xml.find(kOffset); at != std::string::npos; at = xml.find(kOffset)) {
+    xml.replace(at, kOffset.size(), "Unknown");
+  }
+  std::ofstream(path) << xml;
+  return path;
+}
+
+TEST(AravisCamera, has_a_locked_clock_although_the_camera_gives_no_offset) {
+  const test::TemporaryFolder folder;
+  const FakeCamera fake(description_without_offset(folder / "genicam.xml").c_str());
+  StudioCamera wanted = settings();
+  wanted.action = ActionKeys{};
+  AravisCamera camera(wanted);
+  camera.start();
+  camera.wait(Monotonic::now() + milliseconds(1));
+  EXPECT_FALSE(camera.statistics().ptp_offset);
+  EXPECT_TRUE(camera.statistics().ptp_locked);
 }
 
 TEST(AravisCamera, names_a_camera_without_action_commands) {

@@ -4,6 +4,7 @@
 #include <memory>
 #include <utility>
 
+#include "capture/fed_camera.h"
 #include "daemon/captured/node_devices.h"
 
 namespace v3d::captured {
@@ -124,6 +125,37 @@ TEST(SensedTrigger, estimates_the_pulses_where_nothing_counts_them_and_the_sense
   EXPECT_EQ(trigger.commanded(402), 402) << "the clocks differ";
   EXPECT_EQ(trigger.commanded(300), 400);
   EXPECT_EQ(trigger.commanded(0), 400);
+}
+
+/// A camera that sends no frames and gives no offset of its clock.
+class ClockedCamera : public capture::FedCamera {
+ public:
+  explicit ClockedCamera(bool is_locked)
+      : FedCamera(std::make_shared<capture::FrameSource>()), is_locked_(is_locked) {}
+  capture::CameraStatistics statistics() const override {
+    capture::CameraStatistics statistics;
+    statistics.ptp_locked = is_locked_;
+    return statistics;
+  }
+
+ private:
+  const bool is_locked_;
+};
+
+TEST(ClockFault, names_the_cameras_whose_clock_is_not_locked_and_not_those_without_an_offset) {
+  Studio studio;
+  for (const char* name : {"cam01", "cam02"}) {
+    StudioCamera& camera = studio.cameras.emplace_back();
+    camera.name = name;
+    camera.node = "cap01";
+    studio.trigger.action.cameras.push_back({.name = name, .address = "127.0.0.1"});
+  }
+  NodeCameras cameras(studio, "cap01", [](const StudioCamera& camera) {
+    return std::make_unique<ClockedCamera>(camera.name == "cam01");
+  });
+  cameras.arm(kPeriod, false);
+  ASSERT_TRUE(capture::eventually([&] { return cameras.ready().size() == 2; }));
+  EXPECT_EQ(cameras.clock_fault(), "PTP is not locked on cam02");
 }
 
 }  // namespace
