@@ -319,6 +319,25 @@ TEST(ScpiGenerator, waits_some_seconds_for_an_instrument_that_was_unplugged_duri
   EXPECT_EQ(refusal(*other), "usb:0957:2c07: was unplugged and was not plugged in again");
 }
 
+TEST(ScpiGenerator, waits_some_seconds_for_an_instrument_that_another_program_uses) {
+  Bench bench("siglent-sdg");
+  const auto busy_until = [&](MonotonicInstant at) {
+    return std::make_unique<ScpiGenerator>(
+        trigger_of(Dialect::kSiglentSdg),
+        [&bench, at](const StudioInstrument&) {
+          if (bench.host.now < at) throw InstrumentBusy("/dev/ttyUSB0: Device or resource busy");
+          return bench.open();
+        },
+        open_output_line, bench.host.clock());
+  };
+  const auto generator = busy_until(bench.host.now + seconds(5));
+  generator->arm(train_of(10));
+  generator->start();
+  EXPECT_EQ(bench.generator.pulses, 10);
+  const auto other = busy_until(bench.host.now + seconds(3600));
+  EXPECT_EQ(refusal(*other), "usb:0957:2c07: /dev/ttyUSB0: Device or resource busy");
+}
+
 TEST(ScpiGenerator, turns_its_output_off_when_it_was_armed_but_not_started) {
   Bench bench("keysight33500");
   const auto generator = generator_on(bench, trigger_of(Dialect::kKeysight33500));

@@ -131,5 +131,13 @@ TEST(SerialPort, that_the_unit_or_the_mode_of_its_file_forbids_has_advice_for_ea
   EXPECT_THAT(open_advice(EACCES), HasSubstr("group dialout"));
 }
 
+TEST(SerialPort, that_another_program_uses_is_busy_and_needs_no_permission) {
+  EXPECT_EQ(test::message_of<InstrumentBusy>([] { fail_to_open("/dev/ttyUSB0", EBUSY); }),
+            "/dev/ttyUSB0: Device or resource busy; another program uses it, for example "
+            "ModemManager");
+  EXPECT_EQ(test::message_of<InputError>([] { fail_to_open("/dev/ttyUSB0", EMFILE); }),
+            "/dev/ttyUSB0: Too many open files");
+}
+
 }  // namespace
 }  // namespace v3d::trigger

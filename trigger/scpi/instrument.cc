@@ -11,6 +11,7 @@
 #include <boost/asio/write.hpp>
 #include <cerrno>
 #include <chrono>
+#include <cstring>
 
 #include "trigger/scpi/usb_port.h"
 #include "trigger/scpi/usbtmc.h"
@@ -27,7 +28,29 @@ std::string open_advice(int error_number) {
   if (error_number == EPERM) {
     return "does DeviceAllow= of the unit v3d-captured@.service allow this device?";
   }
-  return "is the user in the group dialout?";
+  if (error_number == EACCES) return "is the user in the group dialout?";
+  if (error_number == EBUSY) return "another program uses it, for example ModemManager";
+  return "";
+}
+
+void fail_to_open(const std::filesystem::path& device, int error_number) {
+  if (error_number == ENOTTY) {
+    throw InputError(device.string() + ": is not a serial port; expected one such as /dev/ttyUSB0");
+  }
+  const std::string advice = open_advice(error_number);
+  const std::string text =
+      device.string() + ": " + std::strerror(error_number) + (advice.empty() ? "" : "; " + advice);
+  switch (error_number) {
+    case ENOENT:
+    case ENXIO:
+    case ENODEV:
+    case EIO:
+      throw InstrumentAbsent(text);
+    case EBUSY:
+      throw InstrumentBusy(text);
+    default:
+      throw InputError(text);
+  }
 }
 
 std::string in_quotes(const std::string& answer) {
@@ -68,16 +91,7 @@ SerialPort::SerialPort(const std::filesystem::path& device, int baud)
   asio::serial_port& port = connection_->port;
   error_code error;
   port.open(device, error);
-  const int code = error.value();
-  if (code == ENOTTY)
-    throw InputError(device.string() + ": is not a serial port; expected one such as /dev/ttyUSB0");
-  if (error) {
-    const std::string cause = device.string() + ": " + error.message();
-    if (code == ENOENT || code == ENXIO || code == ENODEV || code == EIO) {
-      throw InstrumentAbsent(cause);
-    }
-    throw InputError(cause + "; " + open_advice(code));
-  }
+  if (error) fail_to_open(device, error.value());
   fcntl(port.native_handle(), F_SETFD, FD_CLOEXEC);
   ioctl(port.native_handle(), TIOCEXCL);
   // A port opened by Asio has 8 data bits and no parity.

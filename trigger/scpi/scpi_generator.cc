@@ -10,7 +10,7 @@ namespace {
 
 /// Time limit for all attempts of one task. The last transfer may exceed it.
 constexpr Duration kCommandTimeout = std::chrono::seconds(6);
-constexpr int kMaxAttempts = 3;  ///< for an instrument that was not unplugged meanwhile
+constexpr int kMaxAttempts = 3;  ///< for an instrument that is neither unplugged meanwhile nor busy
 constexpr Duration kRetryInterval = std::chrono::milliseconds(300);
 /// The clocks of the instrument and of this host differ by less than 1 in kClockToleranceDivisor.
 constexpr int64_t kClockToleranceDivisor = 2000;
@@ -32,24 +32,27 @@ ScpiGenerator::~ScpiGenerator() { stop(); }
 
 void ScpiGenerator::with_retries(const std::function<void()>& work) {
   deadline_ = clock_.now() + kCommandTimeout;
-  bool was_present = false;  // it may be plugged in again: wait until the deadline
+  bool was_present = false;
   for (int attempt = 1;; ++attempt) {
     std::string reason;
-    bool unplugged = false;
+    bool may_return = false;  // wait until the deadline
     try {
       open_if_closed();
       return work();
     } catch (const InstrumentAbsent& error) {
       was_present = was_present || instrument_;
-      unplugged = was_present;
-      reason = unplugged ? "was unplugged and was not plugged in again" : error.what();
+      may_return = was_present;
+      reason = was_present ? "was unplugged and was not plugged in again" : error.what();
+    } catch (const InstrumentBusy& error) {
+      may_return = true;
+      reason = error.what();
     } catch (const InstrumentError& error) {
       was_present = was_present || instrument_;
       reason = error.what();
     }
     instrument_.reset();
     const MonotonicInstant next_attempt = clock_.now() + kRetryInterval;
-    if (next_attempt >= deadline_ || (attempt >= kMaxAttempts && !unplugged)) {
+    if (next_attempt >= deadline_ || (attempt >= kMaxAttempts && !may_return)) {
       throw InputError(trigger_.instrument.text() + ": " + reason);
     }
     clock_.sleep_until(next_attempt);
