@@ -4,6 +4,7 @@
 #include <charconv>
 #include <limits>
 #include <optional>
+#include <span>
 #include <utility>
 
 #include "base/config/studio_fields.h"
@@ -139,9 +140,24 @@ void read_camera_settings(const TomlTable& table, const Studio& studio, StudioCa
   read_v4l2_settings(table, camera);
 }
 
-/// Rejects settings that a V4L2 camera does not have.
+constexpr std::array kOnlyAravis = {
+    "trigger_line",  "trigger_edge",  "packet_size", "packet_delay_ns",
+    "packet_resend", "packet_socket", "ptp",         "chunk_data"};
+constexpr std::array kOnlyV4l2 = {"trigger_control", "trigger_value"};
+
+void reject_fields(const TomlTable& table, std::span<const char* const> fields, const char* why) {
+  for (const char* const field : fields) {
+    if (table.has(field)) table.fail(field, why);
+  }
+}
+
+/// Rejects settings that a camera of this kind does not have. [camera_defaults] may have settings
+/// of both kinds.
 void check_fields_of_kind(const TomlTable& table, const StudioCamera& camera) {
-  if (camera.kind != CameraKind::kV4l2) return;
+  if (camera.kind != CameraKind::kV4l2) {
+    return reject_fields(table, kOnlyV4l2, "only a V4L2 camera has this setting; leave it out");
+  }
+  reject_fields(table, kOnlyAravis, "a V4L2 camera has no such setting; leave it out");
   const std::pair<const char*, bool> used[] = {{"offset_x", camera.offset_x != 0},
                                                {"offset_y", camera.offset_y != 0},
                                                {"binning", camera.binning != 1},

@@ -305,12 +305,11 @@ TEST(StudioFile, reads_the_trigger_settings_of_a_v4l2_camera) {
   const std::string v4l2 = with("address = \"V3D-SIM-01\"",
                                 "address = \"/dev/video0\"\nkind = \"v4l2\"\nwidth = 640\n"
                                 "height = 480\ntrigger_control = \"0x009a0914\"\n"
-                                "trigger_value = 2\ntrigger_edge = \"falling\"");
+                                "trigger_value = 2");
   const StudioCamera camera = parse_studio(v4l2, "studio.toml").cameras[0];
   EXPECT_EQ(camera.kind, CameraKind::kV4l2);
   EXPECT_EQ(camera.trigger_control, 0x009a0914U);
   EXPECT_EQ(camera.trigger_value, 2);
-  EXPECT_EQ(camera.trigger_edge, Edge::kFalling);
   EXPECT_EQ(camera.size, (ImageSize{640, 480}));
 }
 
