@@ -155,6 +155,8 @@ TEST_F(TakeOfTheTriggersNode, has_every_pulse_in_its_ledger_and_is_closed) {
   EXPECT_EQ(result.ledger.commanded, kPulses);
   // Pulses that a busy host did not send in time are listed as not sensed.
   EXPECT_EQ(result.ledger.sensed.value() + std::ssize(result.ledger.unsensed), kPulses);
+  EXPECT_GT(result.ledger.sensed.value(), 0);
+  EXPECT_EQ(result.ledger.sensed.value() + result.ledger.extra, std::ssize(cable_.edges()));
   EXPECT_EQ(result.counts.commanded, kPulses);
   EXPECT_EQ(result.close_report.error, "");
   EXPECT_EQ(load_take_info(paths()).state, take::TakeState::kComplete);

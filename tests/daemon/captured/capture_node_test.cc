@@ -143,6 +143,8 @@ TEST_F(TriggerOnlyNode, has_pulse_0_at_its_start_after_interference_on_the_sense
   EXPECT_EQ(ledger.commanded, kPulses);
   // Pulses that a busy host did not send in time are listed as not sensed.
   EXPECT_EQ(ledger.sensed.value_or(0) + std::ssize(ledger.unsensed), kPulses);
+  EXPECT_GT(ledger.sensed.value_or(0), 0);
+  EXPECT_EQ(ledger.sensed.value_or(0), std::ssize(cable_.edges())) << "without the interference";
 }
 
 TEST_F(TriggerOnlyNode, signs_a_take_with_the_key_that_it_had_when_the_take_was_armed) {
