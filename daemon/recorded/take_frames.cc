@@ -172,13 +172,15 @@ std::optional<SegmentedFrame> SegmentedLog::read(int64_t pulse) {
 
 void SegmentedLog::learn_before(size_t index) {
   if (!segmenter_) return;
-  if (index < learnt_) {
+  if (index < after_last_learnt_) {
     segmenter_->restore_plates();
-    learnt_ = 0;
+    learnt_ = after_last_learnt_ = 0;
   }
   for (; learnt_ < index; ++learnt_) {
     const int64_t pulse = labels()[learnt_].pulse;
-    if (segmenter_->learns_from(pulse)) learn(pulse);
+    if (!segmenter_->learns_from(pulse)) continue;
+    learn(pulse);
+    after_last_learnt_ = learnt_ + 1;
   }
 }
 

@@ -53,8 +53,9 @@ class SegmentedLog {
   /// frame is segmented by the take's background model, adapted to the light up to this frame as in
   /// live operation, so that the result does not depend on previous reads. A stored mask is used as
   /// it is; the segmentation is then the background difference, if there is a model of the frame's
-  /// size and format. Fast in the order of the log. Throws InputError for a frame with neither mask
-  /// nor model.
+  /// size and format. Fast in the order of the log; backward, every 32nd frame makes it segment the
+  /// frames again from which the model learns. Throws InputError for a frame with neither mask nor
+  /// model.
   std::optional<SegmentedFrame> read(int64_t pulse);
 
  private:
@@ -69,6 +70,9 @@ class SegmentedLog {
   std::unordered_map<int64_t, size_t> index_of_;  ///< first frame in the log, by pulse
   std::optional<segmentation::Segmenter> segmenter_;
   size_t learnt_ = 0;  ///< the segmenter is adapted to the frames before this index
+  /// The index after the last frame that changed the segmenter: it is also adapted to the frames
+  /// before any index from this one to `learnt_`.
+  size_t after_last_learnt_ = 0;
 };
 
 // Reader of the frames of all cameras of a recorded take, with the silhouettes that the capture

@@ -9,6 +9,7 @@
 #include "daemon/recorded/take_frames.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
+#include "support/unreadable_byte.h"
 
 namespace v3d::ctl {
 namespace {
@@ -103,6 +104,17 @@ TEST_F(SegmentedLogTest, returns_the_live_masks_for_a_part_and_for_reverse_order
   for (const int64_t pulse : {202, 205, 256, 298}) expect_as_live(from_the_middle, pulse);
   recorded::SegmentedLog backwards(take_, kCamera);
   for (const int64_t pulse : {298, 100, 34, 31, 1, 298}) expect_as_live(backwards, pulse);
+}
+
+TEST_F(SegmentedLogTest, learns_again_in_reverse_order_only_before_a_frame_for_learning) {
+  record(pulses(0, 300));
+  recorded::SegmentedLog log(take_, kCamera);
+  expect_as_live(log, 127);
+  const test::UnreadableByte bad(3000, take_.folder);  // in the frame of pulse 0
+  for (const int64_t pulse : {124, 118, 97, 127}) expect_as_live(log, pulse);
+  EXPECT_TRUE(log.read_errors().empty());
+  log.read(94);  // before the frame of pulse 96
+  EXPECT_FALSE(log.read_errors().empty());
 }
 
 TEST_F(SegmentedLogTest, returns_the_live_masks_when_frames_for_learning_are_missing) {
