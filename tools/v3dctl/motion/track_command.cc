@@ -10,6 +10,7 @@
 #include "base/core/statistics.h"
 #include "base/core/text.h"
 #include "base/io/file.h"
+#include "base/io/recorded_file.h"
 #include "codec/motion_header.h"
 #include "common/console.h"
 #include "take/take.h"
@@ -71,6 +72,18 @@ double step_of(const std::string& text) {
   throw InputError("--step " + text + ": expected a length from 1e-9 m to 1 m");
 }
 
+/// Before the tracking, which can take hours. Throws InputError where the result could not be
+/// written, or not be compared, after it.
+void check_places(const Arguments& arguments, const TrackRequest& request) {
+  if (!arguments.truth.empty() && !std::filesystem::is_directory(arguments.truth)) {
+    throw InputError("--truth " + arguments.truth.string() +
+                     ": is not a folder; expected one of v3d-sim take --truth");
+  }
+  if (request.out.empty()) return;
+  require_unrecorded(request.out);
+  check_output({arguments.out.empty() ? "OUT" : "--out", request.out});
+}
+
 TrackRequest request_of(const Arguments& arguments) {
   TrackRequest request;
   request.meshes_only = !arguments.meshes.empty();
@@ -93,6 +106,7 @@ TrackRequest request_of(const Arguments& arguments) {
   request.tracking = tracking_of(arguments);
   request.step_m = step_of(arguments.step);
   request.threads = arguments.threads;
+  check_places(arguments, request);
   return request;
 }
 
