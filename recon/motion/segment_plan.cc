@@ -12,9 +12,6 @@ namespace {
 /// body, the template joins both, and the arm cannot be followed.
 constexpr double kPerComponentM2 = 0.003, kPerHandleM2 = 0.05;
 constexpr size_t kSampleEvery = 16;  ///< every n-th vertex is tested for visibility
-/// Pulses from one to the next in a segment. Farther apart, points of the surface are not known to
-/// correspond.
-constexpr int64_t kMaxStep = 10;
 
 double area_of(const Mesh& mesh) {
   double area = 0;
@@ -86,7 +83,7 @@ TakeIntervals intervals_of(const TakeSurvey& survey) {
   const auto has_surface = [&](size_t i) { return survey.qualities[i].components > 0; };
   const auto continues = [&](size_t i) {
     if (has_surface(i) != has_surface(i - 1)) return false;
-    return !has_surface(i) || survey.pulses[i] - survey.pulses[i - 1] <= kMaxStep;
+    return !has_surface(i) || survey.pulses[i] - survey.pulses[i - 1] <= kMaxPulseStep;
   };
   TakeIntervals intervals;
   const size_t count = survey.pulses.size();

@@ -13,6 +13,10 @@
 
 namespace v3d::recon {
 
+/// Pulses from one to the next in a segment. Farther apart, points of the surface are not known to
+/// correspond.
+inline constexpr int64_t kMaxPulseStep = 10;
+
 /// How well the mesh of a pulse serves as a template.
 struct KeyQuality {
   double area_m2 = 0;                ///< of the surface

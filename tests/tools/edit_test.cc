@@ -148,6 +148,16 @@ TEST_F(EditTake, keeps_its_speed_where_pulses_are_lost) {
   }
 }
 
+TEST_F(EditTake, is_rejected_where_more_pulses_are_lost_than_the_tracker_leaves_in_a_segment) {
+  test::write_gliding_motion(take::TakePaths{take_}.motion(), {{0, 1, 11}});
+  EXPECT_EQ(read().clip.frames.size(), 12U);
+  test::write_gliding_motion(take::TakePaths{take_}.motion(), {{0, 1, 12}});
+  EXPECT_THAT(
+      test::message_of<InputError>([&] { read(); }),
+      HasSubstr("motion.v3d: pulse 12 follows pulse 1 in a segment; expected at most 9 lost "
+                "pulses between them"));
+}
+
 TEST_F(EditTake, counts_lost_pulses_between_two_surfaces_as_left_out) {
   test::write_gliding_motion(take::TakePaths{take_}.motion(), {{0, 1, 2}, {6, 7, 8}});
   const TakeClip edited = read();

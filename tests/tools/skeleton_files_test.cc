@@ -50,6 +50,14 @@ TEST(SkeletonFiles, have_the_prop_at_the_hand_that_holds_it_as_json_and_bvh) {
   EXPECT_LT(prop, bvh.find("JOINT right_shoulder"));
 }
 
+TEST(SkeletonFiles, are_not_written_as_bvh_with_more_than_a_million_rows) {
+  TakeSkeleton skeleton = turning(3);
+  skeleton.pulses[2] = 1'000'000'000'000;
+  EXPECT_EQ(test::message_of<InputError>([&] { skeleton_bvh(skeleton); }),
+            "--export bvh: a row for each pulse from 10 to 1000000000000; expected at most "
+            "1,000,000: choose some by --frames");
+}
+
 TEST(SkeletonFiles, have_the_weights_of_tracked_surfaces_as_bytes) {
   TakeSkeleton skeleton = turning(4);
   skeleton.tracked.resize(2);

@@ -36,8 +36,9 @@ recon::Clip clip_of(TakeSkeleton skeleton);
 
 /// Reads the tracked surface of a take, and learns its skeleton and skin (learn_skeleton()). The
 /// clip is that of clip_of(), so the action keeps its speed. Calls `on_begin` with the number of
-/// pulses and `on_pulse` after each. Throws InputError for a take without a tracked surface;
-/// std::runtime_error after an interrupt.
+/// pulses and `on_pulse` after each. Throws InputError for a take without a tracked surface, and
+/// for pulses of a segment that are more than recon::kMaxPulseStep apart; std::runtime_error after
+/// an interrupt.
 TakeClip read_clip(const std::filesystem::path& take, const std::function<void(int64_t)>& on_begin,
                    const std::function<void()>& on_pulse);
 

@@ -11,6 +11,7 @@
 #include "codec/motion_codec.h"
 #include "common/console.h"
 #include "common/partial_file.h"
+#include "recon/motion/segment_plan.h"
 #include "recon/pipeline/compact_frame.h"
 #include "take/take.h"
 #include "v3dctl/edit/editor.h"
@@ -34,6 +35,22 @@ void fill(recon::Clip& clip, const recon::ClipFrame& next, int64_t step) {
   for (int64_t n = 1; n < step; ++n) {
     const double share = static_cast<double>(n) / static_cast<double>(step);
     clip.frames.push_back(recon::frame_between(clip, clip.frames[last], next, share));
+  }
+}
+
+/// Throws InputError for more lost pulses in a row inside a segment than the tracker leaves there.
+/// A damaged file could have any number of them, and each becomes a frame.
+void require_near_pulses(const fs::path& take, const std::vector<recon::TrackedBody>& bodies) {
+  for (const recon::TrackedBody& body : bodies) {
+    for (size_t p = 1; p < body.pulses.size(); ++p) {
+      const int64_t before = body.pulses[p - 1], after = body.pulses[p];
+      if (after - before <= recon::kMaxPulseStep) continue;
+      throw InputError(take::TakePaths{take}.motion().string() + ": pulse " +
+                       std::to_string(after) + " follows pulse " + std::to_string(before) +
+                       " in a segment; expected at most " +
+                       std::to_string(recon::kMaxPulseStep - 1) +
+                       " lost pulses between them: run v3dctl track again");
+    }
   }
 }
 
@@ -168,6 +185,7 @@ TakeClip read_clip(const fs::path& take, const std::function<void(int64_t)>& on_
     throw InputError(take.string() + ": has no tracked surface: run v3dctl track first");
   }
   TakeSkeleton skeleton = learn_skeleton(take, {}, 1, on_begin, on_pulse);
+  require_near_pulses(take, skeleton.tracked);
   TakeClip result;
   result.has_prop = skeleton.structure.has_prop;
   result.lengths = skeleton.structure.lengths;

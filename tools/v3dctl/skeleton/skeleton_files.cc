@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "base/core/error.h"
+#include "base/core/text.h"
 #include "common/data_url.h"
 #include "recon/editing/clip.h"
 #include "v3dctl/skeleton/take_skeleton.h"
@@ -86,13 +88,14 @@ class BvhWriter {
  public:
   explicit BvhWriter(const TakeSkeleton& skeleton) : skeleton_(skeleton) {}
 
+  /// Throws InputError for too many rows.
   std::string write() {
     text_ = "HIERARCHY\n";
     write_joint(recon::kPelvis, 0);
     angles_.assign(order_.size(), Vector3d::Zero());
     const auto& pulses = skeleton_.structure.pulses;
     const double rate = skeleton_.rate_hz > 0 ? skeleton_.rate_hz : 25;
-    const int64_t frames = pulses.empty() ? 0 : number(pulses.back()) - number(pulses.front()) + 1;
+    const int64_t frames = rows();
     text_ += fmt::format("MOTION\nFrames: {}\nFrame Time: {:.10f}\n", frames, 1 / rate);
     for (size_t n = 0; n < pulses.size(); ++n) {
       if (n > 0) write_between(pulses[n - 1], pulses[n]);
@@ -147,6 +150,18 @@ class BvhWriter {
   }
 
   int64_t number(const recon::SkeletonPulse& pulse) const { return skeleton_.pulses[pulse.index]; }
+
+  /// A file with a wrong pulse could have any number of lost ones, and each becomes a row.
+  int64_t rows() const {
+    constexpr int64_t kMaxRows = 1'000'000;
+    const auto& pulses = skeleton_.structure.pulses;
+    if (pulses.empty()) return 0;
+    const int64_t first = number(pulses.front()), last = number(pulses.back());
+    if (last - first < kMaxRows) return last - first + 1;
+    throw InputError("--export bvh: a row for each pulse from " + std::to_string(first) + " to " +
+                     std::to_string(last) + "; expected at most " + format_count(kMaxRows) +
+                     ": choose some by --frames");
+  }
 
   /// Rows for the pulses between two that follow each other: a row has no time of its own.
   void write_between(const recon::SkeletonPulse& before, const recon::SkeletonPulse& after) {

@@ -47,7 +47,7 @@ std::vector<std::string> doubts_about(const recon::KinematicStructure& structure
 /// skeleton.json (docs/skeleton.md), with the skins of tracked surfaces unless `skins` is false.
 std::string skeleton_json(const TakeSkeleton& skeleton, bool skins = true);
 /// Biovision hierarchy: metres, y up, one frame for each pulse from the first to the last with a
-/// skeleton; between two of them blended().
+/// skeleton; between two of them blended(). Throws InputError for more than 1,000,000 frames.
 std::string skeleton_bvh(const TakeSkeleton& skeleton);
 /// Marker file of OpenSim and Pose2Sim: metres, y up. Time is that of the pulse.
 std::string skeleton_trc(const TakeSkeleton& skeleton, const std::string& name);
