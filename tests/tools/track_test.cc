@@ -123,6 +123,18 @@ TEST_F(Track, has_the_scale_of_the_first_mesh_by_number_also_for_later_frames) {
   EXPECT_NEAR(height({1, 2}), 0.9, 1e-3);
 }
 
+TEST_F(Track, has_the_scale_and_the_steps_of_the_first_mesh_that_is_not_empty) {
+  fs::create_directory(folder_ / "body");
+  write_ply(folder_ / "body" / "0.ply", {});
+  write_obj(folder_ / "body" / "1.obj", body_at(0));
+  const auto input = open_mesh_folder(folder_ / "body", 1.8, {});
+  EXPECT_TRUE(input->read(0)->surface.vertices.empty());
+  EXPECT_NEAR(recon::bounds_of(input->read(1)->surface).size().z(), 1.8, 1e-3);
+  write_obj(folder_ / "body" / "1.obj", scaled(body_at(0), 900));  // millimetres
+  EXPECT_THAT(rejection(of_meshes("body")), AllOf(HasSubstr("--step"), HasSubstr("--height")));
+  EXPECT_EQ(turns_, 0);
+}
+
 TEST_F(Track, rejects_meshes_that_are_too_large_for_the_steps_before_it_tracks) {
   fs::create_directory(folder_ / "body");
   write_obj(folder_ / "body" / "0.obj", scaled(body_at(0), 900));  // millimetres

@@ -107,6 +107,15 @@ Mesh read_mesh(const fs::path& file) {
   return file.extension() == ".obj" ? read_obj(file) : read_ply(file);
 }
 
+/// The first one with a surface; an empty mesh where none has one.
+Mesh first_mesh(const std::vector<fs::path>& files) {
+  for (const fs::path& file : files) {
+    Mesh mesh = read_mesh(file);
+    if (!mesh.vertices.empty()) return mesh;
+  }
+  return {};
+}
+
 class FolderMeshes : public ObservedPulses {
  public:
   FolderMeshes(const fs::path& folder, double height_m, take::FrameRange frames) {
@@ -125,7 +134,7 @@ class FolderMeshes : public ObservedPulses {
     if (files_.empty()) {
       throw InputError(folder.string() + ": has no mesh to track; expected files .obj or .ply");
     }
-    const Box box = recon::bounds_of(read_mesh(files[0]));
+    const Box box = recon::bounds_of(first_mesh(files));
     y_is_up_ = box.size().y() > box.size().z();
     const double height = y_is_up_ ? box.size().y() : box.size().z();
     if (height_m > 0 && height > 0) scale_ = height_m / height;

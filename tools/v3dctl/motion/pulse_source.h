@@ -47,9 +47,9 @@ std::unique_ptr<ObservedPulses> open_take_pulses(const std::filesystem::path& ta
                                                  take::FrameRange frames);
 
 /// The files .obj and .ply of a folder, in the order of their numbers; pulses count from 0.
-/// `height_m`: extent along z of the first mesh of the folder after scaling; 0: coordinates are
-/// metres. Meshes are turned where the y axis points up (the largest extent of the first mesh is
-/// along y). Throws InputError for a folder without meshes.
+/// `height_m`: extent along z of the first mesh of the folder that is not empty, after scaling; 0:
+/// coordinates are metres. Meshes are turned where the y axis points up (the largest extent of that
+/// mesh is along y). Throws InputError for a folder without meshes.
 std::unique_ptr<ObservedPulses> open_mesh_folder(const std::filesystem::path& folder,
                                                  double height_m, take::FrameRange frames);
 

@@ -36,8 +36,21 @@ recon::OnPulse interruptible(const std::function<void()>& on_pulse) {
   };
 }
 
+namespace {
+
+/// The first surface that is not empty, which can be none.
+Mesh first_surface(ObservedPulses& input) {
+  for (size_t i = 0; i < input.pulses().size(); ++i) {
+    Mesh surface = input.read_surface(i)->surface;
+    if (!surface.vertices.empty()) return surface;
+  }
+  return {};
+}
+
+}  // namespace
+
 void require_steps(const TrackRequest& request, ObservedPulses& input) {
-  const Mesh surface = input.read_surface(0)->surface;
+  const Mesh surface = first_surface(input);
   const double reach = codec::kMaxLattice * request.step_m;
   if (surface.vertices.empty()) return;
   const double half = 0.5 * recon::bounds_of(surface).size().maxCoeff();

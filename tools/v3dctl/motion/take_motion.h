@@ -23,7 +23,7 @@ struct TrackRequest {
   /// Where the result goes; empty: motion.v3d of the take.
   std::filesystem::path out;
   bool meshes_only = false;  ///< `input` is a folder of meshes
-  double height_m = 0;       ///< of the first mesh of a folder, to which all are scaled; 0: metres
+  double height_m = 0;       ///< see open_mesh_folder(); 0: metres
   take::FrameRange frames;
   recon::TrackingOptions tracking;
   double step_m = 0.0005;  ///< of the coded positions
@@ -86,7 +86,7 @@ recon::TakeSource source_of(ObservedPulses& input);
 /// Calls `on_pulse`, which is borrowed, and throws std::runtime_error after an interrupt.
 recon::OnPulse interruptible(const std::function<void()>& on_pulse);
 /// Throws InputError where the steps of motion.v3d do not reach from the middle of the first
-/// surface to its ends: before the tracking, which takes seconds a pulse.
+/// surface that is not empty to its ends: before the tracking, which takes seconds a pulse.
 void require_steps(const TrackRequest& request, ObservedPulses& input);
 /// Throws the InputError for an input without a surface in any pulse.
 [[noreturn]] void reject_without_surface(const TrackRequest& request);
