@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "common/mesh_formats.h"
+#include "recon/shapes.h"
 #include "support/temporary_folder.h"
 #include "tools/command_outcome.h"
 #include "tools/gliding_take.h"
@@ -55,6 +57,26 @@ TEST_F(TrackCommand, rejects_a_place_for_the_result_before_it_opens_the_input) {
 TEST_F(TrackCommand, rejects_a_truth_that_is_no_folder_before_it_opens_the_input) {
   EXPECT_THAT(rejection({take_, "--truth", folder_ / "absent"}),
               HasSubstr("--truth " + (folder_ / "absent").string() + ": is not a folder"));
+}
+
+TEST_F(TrackCommand, creates_the_folder_of_its_result_only_for_meshes_that_it_can_track) {
+  const fs::path out = folder_ / "new" / "body";
+  EXPECT_THAT(rejection({out, "--meshes", folder_ / "absent"}), HasSubstr("is not a folder"));
+  EXPECT_THAT(rejection({out, "--meshes", meshes_, "--step", "2m"}), HasSubstr("--step 2m"));
+  EXPECT_THAT(rejection({out, "--meshes", meshes_}), HasSubstr("has no face"));
+  EXPECT_FALSE(fs::exists(folder_ / "new"));
+
+  fs::remove_all(meshes_);
+  fs::create_directory(meshes_);
+  write_ply(meshes_ / "0.ply", recon::shapes::sphere({0, 0, 1}, 900, 24));  // millimetres
+  EXPECT_THAT(rejection({out, "--meshes", meshes_}), HasSubstr("expected a larger --step"));
+  EXPECT_FALSE(fs::exists(folder_ / "new"));
+
+  write_ply(meshes_ / "0.ply", recon::shapes::sphere({0, 0, 1}, 0.5F, 24));
+  const test::CommandOutcome outcome = test::run_command(
+      add_track, {"track", out, "--meshes", meshes_, "--triangles", "1000", "--threads", "2"});
+  EXPECT_EQ(outcome.status, kExitDone) << outcome.error;
+  EXPECT_TRUE(fs::exists(out / "motion.v3d"));
 }
 
 }  // namespace

@@ -55,21 +55,30 @@ recon::TrackingOptions tracking_of(const Arguments& arguments) {
   return options;
 }
 
+/// Is the result of --meshes motion.v3d in the folder OUT?
+bool has_output_folder(const Arguments& arguments) {
+  return !arguments.meshes.empty() && arguments.out.empty() && arguments.take.extension() != ".v3d";
+}
+
 /// The file for the surface that is tracked through a folder of meshes.
 std::filesystem::path output_of(const Arguments& arguments) {
   if (arguments.take.empty() == arguments.out.empty()) {
     throw InputError("--meshes needs one place for the result: OUT or --out FILE");
   }
   if (!arguments.out.empty()) return arguments.out;
-  if (arguments.take.extension() == ".v3d") return arguments.take;
-  io::throw_if_failed(io::create_folders(arguments.take));
-  return take::TakePaths{arguments.take}.motion();
+  return has_output_folder(arguments) ? take::TakePaths{arguments.take}.motion() : arguments.take;
 }
 
 double step_of(const std::string& text) {
   const double step = parse_length(text);
   if (step >= codec::MotionLimits::kMinStep && step <= codec::MotionLimits::kMaxStep) return step;
   throw InputError("--step " + text + ": expected a length from 1e-9 m to 1 m");
+}
+
+/// Creates the folder OUT, but not for meshes that would be rejected before the tracking.
+void create_output_folder(const Arguments& arguments, const TrackRequest& request) {
+  require_steps(request, *open_input(request));
+  io::throw_if_failed(io::create_folders(arguments.take));
 }
 
 /// Before the tracking, which can take hours. Throws InputError where the result could not be
@@ -81,6 +90,7 @@ void check_places(const Arguments& arguments, const TrackRequest& request) {
   }
   if (request.out.empty()) return;
   require_unrecorded(request.out);
+  if (has_output_folder(arguments)) create_output_folder(arguments, request);
   check_output({arguments.out.empty() ? "OUT" : "--out", request.out});
 }
 
@@ -106,7 +116,6 @@ TrackRequest request_of(const Arguments& arguments) {
   request.tracking = tracking_of(arguments);
   request.step_m = step_of(arguments.step);
   request.threads = arguments.threads;
-  check_places(arguments, request);
   return request;
 }
 
@@ -270,8 +279,8 @@ int report_gaps(const TrackReport& report, const TrackRequest& request) {
   return report.is_unfinished ? report_missing_index(take::TakePaths{input}.mesh()) : status;
 }
 
-/// Tracks in this process or by tasks, and shows the progress.
-TrackReport track(const TrackRequest& request, const TaskArguments& tasks) {
+/// Tracks in this process or by tasks, and shows the progress. `places`: of the tasks.
+TrackReport track(const TrackRequest& request, const std::optional<TaskPlaces>& places) {
   std::optional<Progress> progress;
   int64_t turns = 0;
   // The surface of a pulse is read for the choice of key pulses, and the pulse in each of two
@@ -280,7 +289,6 @@ TrackReport track(const TrackRequest& request, const TaskArguments& tasks) {
   const auto on_pulse = [&] {
     if (turns-- > 0) progress->advance();
   };
-  const std::optional<TaskPlaces> places = task_places(tasks, request.threads);
   if (!places) return track_take(request, on_begin, on_pulse);
   const auto make_runner = [&](const TaskFolder& folder) {
     return make_task_runner(*places, folder, kTrackTask, 1);
@@ -290,8 +298,10 @@ TrackReport track(const TrackRequest& request, const TaskArguments& tasks) {
 
 int run(const Arguments& arguments) {
   const TrackRequest request = request_of(arguments);
+  const std::optional<TaskPlaces> places = task_places(arguments.tasks, request.threads);
+  check_places(arguments, request);
   catch_interrupts();
-  const TrackReport report = track(request, arguments.tasks);
+  const TrackReport report = track(request, places);
   std::optional<Comparison> truth;
   if (!arguments.truth.empty()) truth = compare_with_truth(arguments);
   if (arguments.json) {
