@@ -165,15 +165,33 @@ size_t stretched_frames(size_t frames, double factor) {
   return static_cast<size_t>(std::max(1.0, std::round(static_cast<double>(frames) * factor)));
 }
 
+namespace {
+
+/// When the frame `n` of `wanted` shows an action of `count` frames, in these.
+double time_of(size_t n, size_t wanted, size_t count) {
+  if (wanted == 1) return 0;
+  return static_cast<double>(n) * static_cast<double>(count - 1) / static_cast<double>(wanted - 1);
+}
+
+}  // namespace
+
+size_t stretched_frame(size_t frames, double factor, size_t frame) {
+  V3D_CHECK(frame < frames);
+  const size_t wanted = stretched_frames(frames, factor);
+  size_t last = 0;
+  while (last + 1 < wanted && time_of(last + 1, wanted, frames) < static_cast<double>(frame) + 0.5)
+    ++last;
+  return last;
+}
+
 void stretch(Clip& clip, ClipRange range, double factor) {
   check_range(clip, range);
   V3D_CHECK(factor >= 0.1 && factor <= 10);
-  const auto count = static_cast<double>(range.last - range.first);
-  const auto wanted = static_cast<double>(stretched_frames(range.last - range.first, factor));
+  const size_t count = range.last - range.first;
+  const size_t wanted = stretched_frames(count, factor);
   std::vector<ClipFrame> frames;
-  for (double n = 0; n < wanted; ++n) {
-    const double time = wanted > 1 ? n * (count - 1) / (wanted - 1) : 0;
-    frames.push_back(frame_at(clip, range.first, time));
+  for (size_t n = 0; n < wanted; ++n) {
+    frames.push_back(frame_at(clip, range.first, time_of(n, wanted, count)));
   }
   const auto first = clip.frames.begin() + static_cast<std::ptrdiff_t>(range.first);
   const auto last = clip.frames.begin() + static_cast<std::ptrdiff_t>(range.last);

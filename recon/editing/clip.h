@@ -64,6 +64,8 @@ void cut(Clip& clip, ClipRange range);
 void stretch(Clip& clip, ClipRange range, double factor);
 /// The number of frames of which stretch() makes `frames`.
 size_t stretched_frames(size_t frames, double factor);
+/// The last of these whose surface is that of one of the first `frame` + 1 of the range.
+size_t stretched_frame(size_t frames, double factor, size_t frame);
 
 /// Exchanges left and right, also the hand that holds the prop: a reflection in the vertical plane
 /// through the middle of all pelvis positions, across the mean direction from the right to the left

@@ -359,6 +359,14 @@ TEST_F(EditCommand, states_no_relative_jump_where_the_surface_stands_still_aroun
               testing::ContainsRegex("the poses differ by [0-9]+ mm\n"));
 }
 
+TEST_F(EditCommand, states_the_frame_of_the_other_take_that_follows_a_splice) {
+  put(R"({"do": "splice", "take": "../takes/dancer", "at": [1, 2], "from": [0, 1], "blend": 4})");
+  testing::internal::CaptureStdout();
+  EXPECT_EQ(run(), kExitDone);
+  EXPECT_THAT(testing::internal::GetCapturedStdout(),
+              HasSubstr("frame 3: continues with frame 2 of the other take"));
+}
+
 TEST_F(EditTake, states_which_frames_it_has_when_another_one_is_read) {
   recorded::MeshFrames frames(take_);
   EXPECT_EQ(test::message_of<InputError>([&] { frames.read(7); }),

@@ -97,6 +97,41 @@ TEST_F(EditorTest, splices_only_takes_of_one_pulse_rate) {
   EXPECT_EQ(editor_.splices().size(), 1U);
 }
 
+TEST_F(EditorTest, reports_the_last_frame_before_the_surface_changes_also_after_later_operations) {
+  edited_ = read(folder_ / "take");
+  test::write_gliding_take(folder_ / "other");
+  const auto splice = [&](int64_t at) {
+    editor_.apply(Edit{"edit.json: operations[0]", SpliceEdit{.take = folder_ / "other",
+                                                              .at = EditRange{at, at + 1},
+                                                              .from = EditRange{0, 1},
+                                                              .blend = 2}});
+  };
+  const auto expect_change = [&](int64_t frame) {
+    ASSERT_EQ(editor_.splices().size(), 1U);
+    EXPECT_EQ(editor_.splices()[0].frame, frame);
+    const std::vector<recon::ClipFrame>& frames = edited_.clip.frames;
+    for (size_t f = 1; f < frames.size(); ++f) {
+      const bool changes = frames[f].surface != frames[f - 1].surface;
+      EXPECT_EQ(changes, static_cast<int64_t>(f) == frame + 1) << f;
+    }
+  };
+  splice(1);
+  expect_change(2);
+  EXPECT_EQ(editor_.splices()[0].next, 1);
+  editor_.apply(Edit{"edit.json: operations[1]", CutEdit{{1, 8}}});
+  expect_change(1);
+  editor_.apply(Edit{"edit.json: operations[2]", StretchEdit{EditRange{0, 1}, 3}});
+  expect_change(3);
+  editor_.apply(Edit{"edit.json: operations[3]", StretchEdit{EditRange{6, 8}, 2}});
+  expect_change(3);
+  editor_.apply(Edit{"edit.json: operations[4]", StretchEdit{EditRange{2, 6}, 2}});
+  expect_change(5);
+  splice(1);
+  expect_change(2);
+  editor_.apply(Edit{"edit.json: operations[5]", CutEdit{{0, 3}}});
+  EXPECT_TRUE(editor_.splices().empty());
+}
+
 TEST_F(EditorTest, rejects_an_action_that_would_be_too_long_before_it_makes_its_frames) {
   edited_.clip.surfaces.resize(1);
   edited_.clip.frames.resize(2001);

@@ -50,6 +50,22 @@ TEST(Clip, lasts_longer_by_the_factor_and_moves_steadily_when_it_is_stretched) {
   expect_skin_at_joints(clip);
 }
 
+TEST(Clip, changes_its_surface_after_the_stretched_frame_when_it_is_stretched) {
+  for (const double factor : {0.1, 0.5, 0.7, 1.0, 1.3, 2.0, 10.0}) {
+    for (size_t last = 0; last < 10; ++last) {
+      Clip clip = gliding(11);
+      clip.surfaces.push_back(clip.surfaces[0]);
+      for (size_t f = last + 1; f < 11; ++f) clip.frames[f].surface = 1;
+      stretch(clip, {0, 11}, factor);
+      ASSERT_EQ(clip.frames.size(), stretched_frames(11, factor));
+      const size_t expected = stretched_frame(11, factor, last);
+      for (size_t f = 0; f < clip.frames.size(); ++f) {
+        EXPECT_EQ(clip.frames[f].surface, f <= expected ? 0U : 1U) << factor << " " << last;
+      }
+    }
+  }
+}
+
 TEST(Clip, keeps_the_frames_outside_a_stretched_range) {
   Clip clip = gliding(10);
   stretch(clip, {2, 6}, 0.5);

@@ -74,7 +74,7 @@ void print_text(const fs::path& out, const recon::Clip& clip,
   for (const SpliceReport& report : splices) {
     fmt::print(
         "frame {}: continues with frame {} of the other take; the poses differ by {:.0f} mm{}\n",
-        report.frame, report.transition.from, 1000 * report.transition.cost_m, jump_text(report));
+        report.frame, report.next, 1000 * report.transition.cost_m, jump_text(report));
   }
   fmt::print("standing feet slide by at most {:.0f} mm\n", 1000 * slide_m);
 }

@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <utility>
+#include <vector>
 
 #include "base/core/error.h"
 #include "base/core/text.h"
@@ -19,6 +21,18 @@ namespace {
 constexpr size_t kMaxFrames = 20'000;
 constexpr double kSameRate = 1e-3;  ///< relative difference of two pulse rates that count as equal
 constexpr size_t kAround = 10;      ///< frames beside a transition with which it is compared
+
+/// The frame of a splice after a range of `frames` was stretched; empty where the next one is gone.
+std::optional<size_t> stretched_splice(size_t frame, recon::ClipRange range, double factor,
+                                       size_t frames) {
+  if (frame < range.first) return frame;
+  const size_t count = range.last - range.first;
+  const size_t wanted = recon::stretched_frames(count, factor);
+  if (frame >= range.last) return frame - count + wanted;
+  const size_t last = recon::stretched_frame(count, factor, frame - range.first);
+  if (last + 1 == wanted && range.last == frames) return std::nullopt;
+  return range.first + last;
+}
 
 }  // namespace
 
@@ -49,14 +63,35 @@ recon::ClipRange Editor::range(const OptionalRange& range, const recon::Clip& cl
                    format_count(static_cast<int64_t>(frames)));
 }
 
-void Editor::apply(const CutEdit& edit) { recon::cut(clip_, range(edit.frames)); }
+void Editor::renumber_splices(const std::function<std::optional<size_t>(size_t)>& new_frame) {
+  std::vector<SpliceReport> kept;
+  for (SpliceReport& report : splices_) {
+    const auto frame = new_frame(static_cast<size_t>(report.frame));
+    if (!frame) continue;
+    report.frame = static_cast<int64_t>(*frame);
+    kept.push_back(report);
+  }
+  splices_ = std::move(kept);
+}
+
+void Editor::apply(const CutEdit& edit) {
+  const recon::ClipRange kept = range(edit.frames);
+  recon::cut(clip_, kept);
+  renumber_splices([&](size_t frame) {
+    const bool is_kept = frame >= kept.first && frame + 1 < kept.last;
+    return is_kept ? std::optional(frame - kept.first) : std::nullopt;
+  });
+}
 void Editor::apply(const StretchEdit& edit) {
   const recon::ClipRange stretched = range(edit.frames);
   const size_t before = stretched.last - stretched.first;
   // Frames of surfaces are large: the check comes before they are made.
   require_at_most_max_frames(clip_.frames.size() - before +
                              recon::stretched_frames(before, edit.factor));
+  const size_t frames = clip_.frames.size();
   recon::stretch(clip_, stretched, edit.factor);
+  renumber_splices(
+      [&](size_t frame) { return stretched_splice(frame, stretched, edit.factor, frames); });
 }
 void Editor::apply(const MirrorEdit& /*edit*/) { recon::mirror(clip_); }
 
@@ -129,7 +164,10 @@ void Editor::apply(const SpliceEdit& edit) {
   share_prop(added, report.transition);
   const size_t last = recon::splice(clip_, std::move(added.clip), report.transition);
   report.frame = static_cast<int64_t>(last);
+  report.next = static_cast<int64_t>(report.transition.from + last - report.transition.at);
   report.relative_jump = recon::relative_jump(clip_, last, kAround);
+  renumber_splices(
+      [&](size_t frame) { return frame < last ? std::optional(frame) : std::nullopt; });
   splices_.push_back(report);
 }
 

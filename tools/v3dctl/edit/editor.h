@@ -113,9 +113,11 @@ std::string edits_for_folder(const std::string& text, const std::filesystem::pat
 // --- application of the operations: editor.cc
 
 struct SpliceReport {
-  int64_t frame = 0;  ///< the last one that shows the surface of the earlier action
-  recon::SpliceTransition transition;
-  double relative_jump = 0;  ///< recon::relative_jump()
+  /// The last frame that shows the surface of the earlier action, in the action as it is after all
+  /// operations. After it comes the frame `next` of the other take.
+  int64_t frame = 0, next = 0;
+  recon::SpliceTransition transition;  ///< in the action as it was before the splice
+  double relative_jump = 0;            ///< recon::relative_jump()
 };
 
 /// Changes an action. One thread.
@@ -131,6 +133,7 @@ class Editor {
   /// action, and as ReadTake does.
   void apply(const Edit& edit);
 
+  /// Without those of which later operations removed one of the frames where the surface changes.
   const std::vector<SpliceReport>& splices() const { return splices_; }
 
  private:
@@ -142,6 +145,9 @@ class Editor {
   void require_part_on(recon::Joint joint, recon::ClipRange range) const;
   /// Gives both actions the prop that one of them has.
   void share_prop(TakeClip& added, const recon::SpliceTransition& transition);
+
+  /// Gives each splice its new frame. Removes those for which `new_frame` returns none.
+  void renumber_splices(const std::function<std::optional<size_t>(size_t frame)>& new_frame);
 
   void apply(const CutEdit& edit);
   void apply(const StretchEdit& edit);
