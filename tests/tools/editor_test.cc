@@ -209,6 +209,26 @@ TEST_F(EditorTest, names_the_frame_that_the_take_of_a_swap_does_not_have) {
                 " has 6");
 }
 
+TEST_F(EditorTest, names_the_field_and_the_take_that_does_not_have_the_frames_of_a_splice) {
+  edited_ = read(folder_ / "take");
+  const fs::path other = folder_ / "other";
+  test::write_gliding_take(other);
+  const auto message = [&](const OptionalRange& at, const OptionalRange& from) {
+    return rejection({"edit.json: operations[1]",
+                      SpliceEdit{.take = other, .at = at, .from = from, .blend = 2}});
+  };
+  const std::string where = "edit.json: operations[1]";
+  const std::string of_other = "the action of " + other.string() + " has 6";
+  EXPECT_EQ(message({}, EditRange{0, 7}), where + ".from: frames 0 to 7, but " + of_other);
+  EXPECT_EQ(message(EditRange{0, 7}, {}), where + ".at: frames 0 to 7, but the action has 6");
+  EXPECT_EQ(message({}, EditRange{4, 6}),
+            where + ".from: a blend of 2 frames needs them behind frame 4, but " + of_other);
+  EXPECT_EQ(message(EditRange{4, 6}, {}),
+            where + ".at: a blend of 2 frames needs them behind frame 4, but the action has 6");
+  EXPECT_EQ(rejection({where, CutEdit{{0, 7}}}),
+            where + ".frames: frames 0 to 7, but the action has 6");
+}
+
 TEST_F(EditorTest, writes_the_left_hand_as_the_parent_of_the_prop_of_a_mirrored_action) {
   edited_ = read(folder_ / "take");
   add_prop(edited_);

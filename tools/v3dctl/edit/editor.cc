@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -21,6 +22,12 @@ namespace {
 constexpr size_t kMaxFrames = 20'000;
 constexpr double kSameRate = 1e-3;  ///< relative difference of two pulse rates that count as equal
 constexpr size_t kAround = 10;      ///< frames beside a transition with which it is compared
+
+/// The end of a message. `take`: of the clip; empty: it is the edited one.
+std::string but_has(const recon::Clip& clip, const std::string& take) {
+  return ", but the action " + (take.empty() ? std::string() : "of " + take + " ") + "has " +
+         format_count(std::ssize(clip.frames));
+}
 
 /// The frame of a splice after a range of `frames` was stretched; empty where the next one is gone.
 std::optional<size_t> stretched_splice(size_t frame, recon::ClipRange range, double factor,
@@ -52,15 +59,15 @@ void Editor::require_at_most_max_frames(size_t frames) const {
                    format_count(kMaxFrames) + ": cut it first");
 }
 
-recon::ClipRange Editor::range(const OptionalRange& range, const recon::Clip& clip) const {
+recon::ClipRange Editor::range(const OptionalRange& range, const recon::Clip& clip,
+                               const std::string& key, const std::string& take) const {
   const size_t frames = clip.frames.size();
   if (!range) return {0, frames};
   if (range->end <= static_cast<int64_t>(frames)) {
     return {static_cast<size_t>(range->first), static_cast<size_t>(range->end)};
   }
-  throw InputError(where_ + ": frames " + std::to_string(range->first) + " to " +
-                   std::to_string(range->end) + ", but the action has " +
-                   format_count(static_cast<int64_t>(frames)));
+  throw InputError(where_ + "." + key + ": frames " + std::to_string(range->first) + " to " +
+                   std::to_string(range->end) + but_has(clip, take));
 }
 
 void Editor::renumber_splices(const std::function<std::optional<size_t>(size_t)>& new_frame) {
@@ -75,7 +82,7 @@ void Editor::renumber_splices(const std::function<std::optional<size_t>(size_t)>
 }
 
 void Editor::apply(const CutEdit& edit) {
-  const recon::ClipRange kept = range(edit.frames);
+  const recon::ClipRange kept = range(edit.frames, clip_, "frames");
   recon::cut(clip_, kept);
   renumber_splices([&](size_t frame) {
     const bool is_kept = frame >= kept.first && frame + 1 < kept.last;
@@ -83,7 +90,7 @@ void Editor::apply(const CutEdit& edit) {
   });
 }
 void Editor::apply(const StretchEdit& edit) {
-  const recon::ClipRange stretched = range(edit.frames);
+  const recon::ClipRange stretched = range(edit.frames, clip_, "frames");
   const size_t before = stretched.last - stretched.first;
   // Frames of surfaces are large: the check comes before they are made.
   require_at_most_max_frames(clip_.frames.size() - before +
@@ -108,7 +115,7 @@ void Editor::require_part_on(recon::Joint joint, recon::ClipRange range) const {
 }
 
 void Editor::apply(const BendEdit& edit) {
-  const recon::ClipRange bent = range(edit.frames);
+  const recon::ClipRange bent = range(edit.frames, clip_, "frames");
   require_part_on(edit.joint, bent);
   recon::bend(clip_, {.joint = edit.joint,
                       .range = bent,
@@ -121,12 +128,12 @@ void Editor::apply(const HoldFeetEdit& edit) {
   recon::hold_all_feet(clip_, static_cast<size_t>(edit.fade), stop_if_interrupted);
 }
 
-void Editor::require_frames_behind(recon::ClipRange range, const recon::Clip& clip,
-                                   size_t blend) const {
+void Editor::require_frames_behind(recon::ClipRange range, const recon::Clip& clip, size_t blend,
+                                   const std::string& key, const std::string& take) const {
   if (range.first + blend < clip.frames.size()) return;
-  throw InputError(where_ + ": a blend of " + std::to_string(blend) +
+  throw InputError(where_ + "." + key + ": a blend of " + std::to_string(blend) +
                    " frames needs them behind frame " + std::to_string(range.first) +
-                   " of an action of " + std::to_string(clip.frames.size()));
+                   but_has(clip, take));
 }
 
 // Surfaces of either action can have weights of the prop. Its position is unknown in the other one.
@@ -155,9 +162,10 @@ void Editor::apply(const SpliceEdit& edit) {
                      std::to_string(clip_.frames.size()) + " and " +
                      std::to_string(added.clip.frames.size()));
   }
-  const recon::ClipRange at = range(edit.at), from = range(edit.from, added.clip);
-  require_frames_behind(at, clip_, blend);
-  require_frames_behind(from, added.clip, blend);
+  const recon::ClipRange at = range(edit.at, clip_, "at");
+  const recon::ClipRange from = range(edit.from, added.clip, "from", edit.take.string());
+  require_frames_behind(at, clip_, blend, "at");
+  require_frames_behind(from, added.clip, blend, "from", edit.take.string());
   SpliceReport report;
   report.transition =
       recon::best_transition(clip_, at, added.clip, from, blend, stop_if_interrupted);

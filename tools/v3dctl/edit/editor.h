@@ -137,10 +137,14 @@ class Editor {
   const std::vector<SpliceReport>& splices() const { return splices_; }
 
  private:
-  recon::ClipRange range(const OptionalRange& range, const recon::Clip& clip) const;
-  recon::ClipRange range(const OptionalRange& range) const { return this->range(range, clip_); }
+  /// The frames of `clip` that the field `key` of the operation states. `take`: the action of which
+  /// take the clip is; empty: the edited one. Throws InputError for a range beyond its end.
+  recon::ClipRange range(const OptionalRange& range, const recon::Clip& clip,
+                         const std::string& key, const std::string& take = {}) const;
   void require_at_most_max_frames(size_t frames) const;
-  void require_frames_behind(recon::ClipRange range, const recon::Clip& clip, size_t blend) const;
+  /// `key` and `take` as for range().
+  void require_frames_behind(recon::ClipRange range, const recon::Clip& clip, size_t blend,
+                             const std::string& key, const std::string& take = {}) const;
   /// Throws InputError for a joint whose bend would move no vertex in the range.
   void require_part_on(recon::Joint joint, recon::ClipRange range) const;
   /// Gives both actions the prop that one of them has.
