@@ -91,7 +91,9 @@ typedef struct v3d_motion_segment {
 typedef struct v3d_motion_surface {
   size_t vertices;
   const float* positions; /* x, y, z of each vertex at the key pulse, metres, z up */
-  const uint8_t* colours; /* r, g, b of each vertex (sRGB), the same at all pulses; NULL: none */
+  /* r, g, b of each vertex (sRGB): the same at all pulses, or their mean where pulses have colours
+   * of their own (v3d_motion_pulse); NULL: none */
+  const uint8_t* colours;
   size_t triangles;
   const uint32_t* indices; /* three for each triangle, counter-clockwise seen from outside */
 } v3d_motion_surface;

@@ -146,7 +146,8 @@ export class Decoder {
 /**
  * @typedef {object} MotionSurface
  * @property {Float32Array} positions  x, y, z of each vertex at the key pulse: metres, z up
- * @property {Uint8Array | null} colours  r, g, b of each vertex (sRGB), the same at all pulses; null: none
+ * @property {Uint8Array | null} colours  r, g, b of each vertex (sRGB): the same at all pulses, or their mean where
+ *   pulses have colours of their own (MotionPulse); null: none
  * @property {Uint32Array} indices  three for each triangle, counter-clockwise seen from outside
  */
 
