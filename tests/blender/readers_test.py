@@ -9,6 +9,7 @@ import tempfile
 import types
 import unittest
 import zlib
+from unittest import mock
 
 import numpy as np
 
@@ -242,6 +243,29 @@ class Lengths(unittest.TestCase):
         for index in (-1, 2, 10**6):
             with self.assertRaisesRegex(DecoderError, "no pulse at"):
                 motion.vertices(0, index)
+
+
+class Marks(unittest.TestCase):
+    """Of surfaces, by which the add-on decides whether a mesh in Blender keeps its triangles."""
+
+    def of(self, name, triangles):
+        """Of the pulses of a file whose surfaces have these triangles."""
+        vertices = np.zeros((4, 3), np.float32)
+        segment = types.SimpleNamespace(pulses=np.array([0, 1]))
+        motion = types.SimpleNamespace(segments=[segment], triangles=lambda _: triangles, vertices=lambda *_: (vertices, None))
+        frames = types.SimpleNamespace(decode=lambda _: decoder.OK, surface=lambda: decoder.Surface(vertices, triangles, None))
+        with mock.patch.multiple(surfaces, MotionDecoder=lambda _: motion, FrameDecoder=lambda: frames), \
+                contextlib.closing(surfaces.Surfaces(str(TAKE / name))) as shown:
+            return [shown.at(index).topology for index in range(2)]
+
+    def test_differ_between_files_with_other_triangles(self):
+        for name in ("mesh.v3d", "motion.v3d"):
+            before = self.of(name, np.array([[0, 1, 2], [0, 2, 3]], np.uint32))
+            after = self.of(name, np.array([[0, 1, 3], [1, 2, 3]], np.uint32))
+            self.assertNotEqual(before[0], after[0], name)
+            self.assertNotEqual(before[1], after[1], name)
+            self.assertEqual(before, self.of(name, np.array([[0, 1, 2], [0, 2, 3]], np.uint32)))
+        self.assertEqual(before[0], before[1], "a segment has one mark")
 
 
 class Drawable(unittest.TestCase):

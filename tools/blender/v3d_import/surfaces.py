@@ -27,9 +27,13 @@ PULSE_AT, KEY_PULSE_AT = 24, 40  # in a compact frame
 
 
 class Shown(NamedTuple):
-    """A surface, and a mark that is the same for surfaces with the same triangles."""
+    """A surface, and a mark that differs for surfaces with other triangles, also where the file has changed."""
     surface: Surface
     topology: object
+
+
+def checksum(triangles):
+    return zlib.crc32(triangles.tobytes())
 
 
 class _Entry(NamedTuple):
@@ -160,7 +164,8 @@ class MeshFile:
     def at(self, index):
         """The surface of the pulse self.pulses[index]."""
         self._decode(index, self._frame(index))
-        return Shown(self._decoder.surface(), ("mesh", index))
+        surface = self._decoder.surface()
+        return Shown(surface, ("mesh", index, checksum(surface.triangles)))
 
 
 class MotionFile:
@@ -180,7 +185,7 @@ class MotionFile:
             raise DecoderError("holds no pulses")
         self.pulses = sorted(places)
         self._places = [places[pulse] for pulse in self.pulses]
-        self._triangles = (None, None)  # of the last segment
+        self._segment = None  # the last one
 
     def close(self):
         pass
@@ -188,10 +193,12 @@ class MotionFile:
     def at(self, index):
         """The surface of the pulse self.pulses[index]."""
         segment, place = self._places[index]
-        if self._triangles[0] != segment:
-            self._triangles = (segment, self._decoder.triangles(segment))
+        if self._segment != segment:
+            self._triangles = self._decoder.triangles(segment)
+            self._topology = ("segment", segment, checksum(self._triangles))
+            self._segment = segment
         vertices, colours = self._decoder.vertices(segment, place)
-        return Shown(Surface(vertices, self._triangles[1], colours), ("segment", segment))
+        return Shown(Surface(vertices, self._triangles, colours), self._topology)
 
 
 class Surfaces:
