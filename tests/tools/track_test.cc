@@ -310,18 +310,17 @@ TEST_F(TrackTake, is_rejected_while_it_is_recorded) {
   EXPECT_THAT(rejection(request_), AllOf(HasSubstr("is being recorded"), HasSubstr("by process ")));
 }
 
-TEST_F(TrackTake, is_measured_with_points_of_the_true_surface) {
-  reconstruct();
+class TrackTwoPulses : public TrackTake {
+ protected:
+  TrackTwoPulses() : TrackTake(2) { reconstruct(); }
+};
+
+TEST_F(TrackTwoPulses, are_not_measured_without_true_points_or_without_a_tracked_surface) {
   track(request_);
   const EvaluatedMeshes motion{take_, take::TakePaths{take_}.motion()};
   EXPECT_FALSE(evaluate_motion(motion, folder_ / "truth")) << "no points";
   EXPECT_FALSE(evaluate_motion({take_}, folder_ / "truth")) << "no motion file";
 }
-
-class TrackTwoPulses : public TrackTake {
- protected:
-  TrackTwoPulses() : TrackTake(2) { reconstruct(); }
-};
 
 TEST_F(TrackTwoPulses, have_surfaces_for_the_choice_of_key_pulses_without_their_images) {
   const auto log_bytes = static_cast<off_t>(fs::file_size(take::TakePaths{take_}.frames("a")));
@@ -405,6 +404,48 @@ class TrackBrighterPulse : public TrackTake {
 TEST_F(TrackBrighterPulse, has_its_own_colours_because_the_change_is_large) {
   track(request_);
   EXPECT_GT(brighter_share(take_, 25), 0.75);
+}
+
+/// Writes the true points of a gliding take; every second one is on a sleeve. At the last pulse
+/// they are higher by so much. Returns their number.
+int64_t write_gliding_points(const fs::path& take, const fs::path& truth, float raised_m) {
+  fs::create_directories(truth / "points");
+  const Mesh surface = recorded::MeshFrames(take).read(0).mesh;
+  Mesh points;
+  for (size_t v = 0; v < surface.vertices.size(); v += 50) {
+    points.vertices.push_back(surface.vertices[v]);
+    points.colours.push_back({255, static_cast<uint8_t>(points.colours.size() % 2), 0});
+  }
+  for (int pulse = 0; pulse < test::kGlidingPulses; ++pulse) {
+    Mesh moved = points;
+    for (Eigen::Vector3f& point : moved.vertices) {
+      point.x() += 0.01F * static_cast<float>(pulse);
+      if (pulse + 1 == test::kGlidingPulses) point.z() += raised_m;
+    }
+    write_ply(truth / "points" / ("00000" + std::to_string(pulse) + ".ply"), moved);
+  }
+  return std::ssize(points.vertices);
+}
+
+TEST_F(Track, is_measured_with_points_of_the_true_surface) {
+  const fs::path take = folder_ / "take", truth = folder_ / "truth";
+  test::write_gliding_take(take);
+  const EvaluatedMeshes evaluated{take, take::TakePaths{take}.motion()};
+  for (const float raised_m : {0.0F, 0.02F}) {
+    const int64_t points = write_gliding_points(take, truth, raised_m);
+    const auto motion = evaluate_motion(evaluated, truth);
+    ASSERT_TRUE(motion);
+    EXPECT_EQ(motion->segments, 1);
+    EXPECT_EQ(motion->bound, 1);
+    ASSERT_EQ(motion->carried.size(), 1U);
+    const CarriedReport& last = motion->carried[0];
+    EXPECT_EQ(last.pulses, test::kGlidingPulses - 1);
+    EXPECT_EQ(last.all.points, points);
+    EXPECT_EQ(last.sleeves.points, points / 2);
+    EXPECT_EQ(last.sword.points, 0);
+    EXPECT_NEAR(last.all.p50_mm, 1000 * raised_m, 1);
+    EXPECT_NEAR(last.sleeves.p90_mm, 1000 * raised_m, 1);
+  }
 }
 
 TEST_F(Track, is_measured_only_with_points_that_have_the_colours_of_cameras_and_parts) {
