@@ -10,6 +10,7 @@
 #include "base/core/error.h"
 #include "base/core/text.h"
 #include "base/image/image_files.h"
+#include "base/io/child_process.h"
 #include "base/io/file.h"
 #include "daemon/recorded/take_frames.h"
 #include "support/message_of.h"
@@ -201,6 +202,44 @@ TEST_F(Import, rejects_a_video_with_a_frame_that_cannot_be_decoded) {
   EXPECT_THAT(rejection(), HasSubstr(line)) << "frames are numbered from the beginning";
   options_.frames = {0, 3};
   EXPECT_EQ(import_take(options_).frames, 3);
+}
+
+/// Converts a video with options of ffmpeg.
+void convert(const fs::path& from, const fs::path& to, const std::vector<std::string>& options) {
+  std::vector<std::string> command = {"ffmpeg", "-loglevel", "error", "-i", from.string()};
+  command.insert(command.end(), options.begin(), options.end());
+  command.push_back(to.string());
+  ASSERT_EQ(run_process(command, Output::kShow).status, 0);
+}
+
+TEST_F(Import, rejects_a_video_with_a_missing_frame) {
+  if (!has_program("ffmpeg")) GTEST_SKIP() << "there is no ffmpeg";
+  use_videos(6, 7);
+  convert(folder_ / "b.avi", folder_ / "b.mkv",
+          {"-vf", "select='not(eq(n,3))'", "-vsync", "vfr", "-c:v", "mjpeg"});
+  options_.videos[1].second = folder_ / "b.mkv";
+  const std::string line =
+      "b.mkv frame 3: is 0.200 s after the frame before, but earlier frames "
+      "are 0.100 s apart: frames are missing";
+  EXPECT_THAT(rejection(), HasSubstr(line));
+  options_.frames = {4, 6};
+  EXPECT_THAT(rejection(), HasSubstr(line)) << "frames are numbered from the beginning";
+  options_.frames = {0, 3};
+  EXPECT_EQ(import_take(options_).frames, 3);
+}
+
+TEST_F(Import, accepts_videos_whose_times_are_rounded_to_milliseconds) {
+  if (!has_program("ffmpeg")) GTEST_SKIP() << "there is no ffmpeg";
+  use_videos(20, 20);
+  for (auto& [camera, video] : options_.videos) {
+    test::write_video(video, {64, 48}, 20, 30);
+    const fs::path rounded = folder_ / (camera + ".mkv");
+    convert(video, rounded, {"-c:v", "copy"});
+    video = rounded;
+  }
+  const ImportResult result = import_take(options_);
+  EXPECT_EQ(result.frames, 20);
+  EXPECT_DOUBLE_EQ(result.rate_hz, 30);
 }
 
 TEST_F(Import, rejects_a_video_that_ends_within_a_frame) {

@@ -124,7 +124,9 @@ class ImageSource : public FrameSource {
 
 class VideoSource : public FrameSource {
  public:
-  explicit VideoSource(const fs::path& file) : file_(file), video_(file) {}
+  explicit VideoSource(const fs::path& file) : file_(file), video_(file) {
+    video_.require_constant_rate();  // frames of several videos are joined by their numbers
+  }
 
   std::optional<SourceImage> next() override {
     std::optional<Image> image = video_.next();

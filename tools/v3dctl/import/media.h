@@ -50,6 +50,9 @@ class VideoFile {
   double rate_hz() const;
   /// Number of frames according to the file; 0: unknown. A damaged file may have fewer.
   int64_t announced_frames() const;
+  /// From now on, next() and skip() throw InputError where the times that the file states show that
+  /// frames are missing or that the rate varies.
+  void require_constant_rate();
   /// Next frame as RGB8; empty after the last. Throws InputError
   /// - where the file is damaged, with the number (from 0) and time of the first frame that is not
   ///   returned. The damage may be some frames later, as many as the decoder reorders;

@@ -8,11 +8,14 @@ extern "C" {
 #include <libswscale/swscale.h>
 }
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
 #include <new>
+#include <optional>
 #include <string>
+#include <utility>
 
 #include "base/core/error.h"
 #include "base/image/image.h"
@@ -138,9 +141,27 @@ struct VideoFile::Impl {
     }
     check_whole();
     check_size();
+    if (has_constant_rate) check_interval();
     ++count;
     update_time();
     return true;
+  }
+
+  /// Throws InputError where the time since the frame before differs from that between earlier
+  /// frames by more than half of the shorter one. Containers round times, in Matroska to
+  /// milliseconds. Frames without a time of their own are not checked: the times that a decoder
+  /// derives for frames of an AVI file may skip a period although no frame is missing.
+  void check_interval() {
+    const int64_t before = std::exchange(last_time, frame->pts);
+    if (before == AV_NOPTS_VALUE || frame->pts == AV_NOPTS_VALUE) return;
+    const double now = static_cast<double>(frame->pts) - static_cast<double>(before);
+    if (!interval) interval = now;
+    if (2 * std::abs(now - *interval) <= std::min(now, *interval)) return;
+    const double tick_s = av_q2d(stream->time_base);
+    throw InputError(fmt::format(
+        "{} frame {}: is {:.3f} s after the frame before, but earlier frames are {:.3f} s apart: "
+        "frames are missing, or the rate varies; expected a video with a constant rate",
+        path.string(), count, now * tick_s, *interval * tick_s));
   }
 
   void update_time() {
@@ -207,6 +228,9 @@ struct VideoFile::Impl {
   ImageSize size;     ///< of the first frame
   int64_t count = 0;  ///< frames decoded
   double next_s = 0;  ///< time of the next frame, seconds
+  bool has_constant_rate = false;
+  int64_t last_time = AV_NOPTS_VALUE;  ///< that the file states for the frame before, ticks
+  std::optional<double> interval;      ///< of the first frames with times, ticks
   bool drained = false;
 };
 
@@ -222,6 +246,8 @@ int64_t VideoFile::announced_frames() const {
   const double frames = std::floor(seconds * rate_hz() + 0.5);
   return frames > 0 && frames < 1e12 ? static_cast<int64_t>(frames) : 0;
 }
+
+void VideoFile::require_constant_rate() { impl_->has_constant_rate = true; }
 
 std::optional<Image> VideoFile::next() {
   if (!impl_->decode()) return std::nullopt;
