@@ -296,6 +296,14 @@ TEST_F(Import, rejects_videos_of_different_rates_without_a_given_rate) {
   EXPECT_DOUBLE_EQ(import_take(options_).rate_hz, 50);
 }
 
+TEST_F(Import, rejects_videos_of_30_and_29_97_frames_a_second_without_a_given_rate) {
+  use_videos(3, 3);
+  test::write_video(folder_ / "a.avi", {64, 48}, 3, 30);
+  test::write_video(folder_ / "b.avi", {64, 48}, 3, 30000.0 / 1001);
+  EXPECT_THAT(rejection(),
+              AllOf(HasSubstr("has 29.97"), HasSubstr("has 30.0"), HasSubstr("--rate")));
+}
+
 TEST_F(Import, rejects_a_part_that_the_recordings_do_not_have) {
   use_videos(3, 3);
   options_.frames = {5, 8};
