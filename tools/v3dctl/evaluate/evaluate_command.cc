@@ -4,6 +4,7 @@
 
 #include "base/core/error.h"
 #include "base/io/file.h"
+#include "base/io/recorded_file.h"
 #include "common/console.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/evaluate/evaluate.h"
@@ -237,6 +238,16 @@ bool has_all_truth(const Arguments& arguments, const EvaluationColumn& column) {
   return false;
 }
 
+/// Throws InputError for a report that could not be written after the measurements or would replace
+/// a file of the take or that of --beside, and for a file of --beside without meshes.
+void check_files(const Arguments& arguments) {
+  const OptionFile report = {"--report", arguments.report};
+  check_output(report);
+  require_other_file(report, {{"--beside", arguments.beside}});
+  if (!arguments.report.empty()) require_unrecorded(arguments.report);
+  if (!arguments.beside.empty()) open_meshes({arguments.take, arguments.beside});
+}
+
 int run(const Arguments& arguments) {
   const std::vector<std::string> cameras = parse_names(arguments.held_out, "--held-out");
   if (arguments.truth.empty() && cameras.empty()) {
@@ -245,6 +256,7 @@ int run(const Arguments& arguments) {
   if (arguments.atlas_side > 0 && cameras.empty()) {
     throw InputError("--atlas: expected --held-out CAM,...");
   }
+  check_files(arguments);
   catch_interrupts();
   std::vector<EvaluationColumn> columns = {
       measure(arguments, cameras, "mesh.v3d", {arguments.take})};
