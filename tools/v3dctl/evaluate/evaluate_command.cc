@@ -1,4 +1,5 @@
 // evaluate: prints the measurements of evaluate.h, and writes the page.
+#include <algorithm>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -8,6 +9,7 @@
 #include "common/console.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/evaluate/evaluate.h"
+#include "v3dctl/export/mesh_export.h"
 #include "v3dctl/mesh_options.h"
 #include "v3dctl/options.h"
 
@@ -269,7 +271,10 @@ int run(const Arguments& arguments) {
   } else {
     print_text(columns);
   }
-  const bool all = has_all_truth(arguments, columns.front());
+  int status = has_all_truth(arguments, columns.front()) ? kExitDone : kExitIncomplete;
+  for (const EvaluationColumn& column : columns) {
+    status = std::max(status, report_unfinished_meshes(open_meshes(column.evaluated)));
+  }
   if (!arguments.report.empty()) {
     replace_file(arguments.report, evaluation_html({.columns = std::move(columns),
                                                     .truth = arguments.truth,
@@ -278,7 +283,7 @@ int run(const Arguments& arguments) {
                                                     .view_source = view_source_of(arguments),
                                                     .atlas_side = arguments.atlas_side}));
   }
-  return all ? kExitDone : kExitIncomplete;
+  return status;
 }
 
 }  // namespace

@@ -14,6 +14,7 @@
 #include "daemon/recorded/take_frames.h"
 #include "recon/render/renderer.h"
 #include "v3dctl/command_line.h"
+#include "v3dctl/export/mesh_export.h"
 #include "v3dctl/mesh_options.h"
 #include "v3dctl/options.h"
 #include "v3dctl/scene/scene_renderer.h"
@@ -188,7 +189,7 @@ int run_scene(const Arguments& arguments) {
   } else {
     draw_folder(renderer, arguments, range);
   }
-  return kExitDone;
+  return renderer.report_unfinished_takes();
 }
 
 int run_take(const Arguments& arguments) {
@@ -209,7 +210,7 @@ int run_take(const Arguments& arguments) {
   const Image drawn = arguments.camera.empty() ? turntable(renderer, arguments.turntable, frame)
                                                : render_camera(arguments, renderer);
   write_png(arguments.out, drawn.view());
-  return kExitDone;
+  return report_unfinished_meshes(meshes);
 }
 
 int run(Arguments arguments) {

@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <set>
 
 #include "base/core/error.h"
 #include "base/image/image_files.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "recon/render/renderer.h"
+#include "v3dctl/export/mesh_export.h"
 #include "v3dctl/mesh_options.h"
 
 namespace v3d::ctl {
@@ -86,6 +88,16 @@ std::vector<SoundClip> SceneRenderer::clips() const {
                      .part = part_of(actor.take, actor.pulses.front(), actor.pulses.back())});
   }
   return clips;
+}
+
+int SceneRenderer::report_unfinished_takes() const {
+  int status = kExitDone;
+  std::set<std::filesystem::path> reported;  // a scene may show a take several times
+  for (const Actor& actor : actors_) {
+    if (!reported.insert(actor.meshes->path()).second) continue;
+    status = std::max(status, report_unfinished_meshes(*actor.meshes));
+  }
+  return status;
 }
 
 Image SceneRenderer::backdrop(const CameraModel& camera, double seconds) {

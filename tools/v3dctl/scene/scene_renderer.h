@@ -32,6 +32,9 @@ class SceneRenderer {
   const Scene& scene() const { return scene_; }
   /// The takes of the scene, to mix their sound.
   std::vector<SoundClip> clips() const;
+  /// Reports on stderr each mesh file of the scene without an index. Returns kExitDone or
+  /// kExitIncomplete.
+  int report_unfinished_takes() const;
   /// Renders one picture, RGB8. With a background video, requires times that do not decrease. Fast
   /// for increasing times.
   Image draw(int64_t frame) { return draw_at(scene_.time_of(frame)); }
