@@ -55,6 +55,22 @@ TEST_F(SceneTimecodeTest, counts_on_where_a_take_is_held) {
   EXPECT_EQ(text({clip("walk")}, 10), "10:00:10:00");
 }
 
+TEST_F(SceneTimecodeTest, counts_on_between_the_pulses_of_a_take) {
+  write_take("walk", 900'000);
+  const std::vector<SoundClip> clips = {clip("walk")};
+  EXPECT_EQ(scene_timecode(clips, 0.02, 50).text, "10:00:00:01");
+  EXPECT_EQ(scene_timecode(clips, 1.22, 50).text, "10:00:01:11");
+}
+
+TEST_F(SceneTimecodeTest, differs_between_takes_by_the_same_time_in_each_picture) {
+  write_take("walk", 900'000);
+  const std::vector<SoundClip> clips = {clip("walk"), clip("walk", {.start_s = 0.03})};
+  for (const double seconds : {0.0, 0.02, 0.04, 0.06}) {
+    EXPECT_THAT(scene_timecode(clips, seconds, 50).problem, HasSubstr("walk is at 10:00:00:0"))
+        << seconds;
+  }
+}
+
 TEST_F(SceneTimecodeTest, is_that_of_all_takes_that_have_one) {
   write_take("walk", 900'000);
   write_take("run", 900'050);

@@ -138,10 +138,9 @@ std::optional<ClipTimecode> timecode_of(const SoundClip& clip, double seconds) {
   auto timecode = timecodes.at(clip.part.in + static_cast<int64_t>(shown));
   if (!timecode) return std::nullopt;
   const bool is_playing = after_in + kTolerance >= 0 && shown + 1 > after_in;
-  if (!is_playing) {  // held or hidden: the timecode that it had, if it went on
-    timecode->frames +=
-        (after_in - shown) / clip.rate_hz * sound::frames_per_second(timecode->rate);
-  }
+  // A take that is held or hidden has the timecode that it had, if it went on.
+  const double since = is_playing ? std::max(0.0, after_in - shown) : after_in - shown;
+  timecode->frames += since / clip.rate_hz * sound::frames_per_second(timecode->rate);
   return ClipTimecode{clip.take.take.filename().string(), *timecode};
 }
 
