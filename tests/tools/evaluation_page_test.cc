@@ -2,7 +2,11 @@
 #include <gtest/gtest.h>
 
 #include "base/config/calib_file.h"
+#include "base/core/error.h"
+#include "base/io/file.h"
 #include "support/temporary_folder.h"
+#include "take/take.h"
+#include "tools/command_outcome.h"
 #include "tools/gliding_take.h"
 #include "tools/test_images.h"
 #include "v3dctl/evaluate/evaluate.h"
@@ -13,6 +17,7 @@ namespace v3d::ctl {
 namespace {
 
 using testing::HasSubstr;
+using testing::MatchesRegex;
 namespace fs = std::filesystem;
 
 /// Meshes of pulses 0 to 5, and others of a part of them.
@@ -80,6 +85,23 @@ TEST_F(EvaluationPages, show_a_held_out_photograph_beside_vertex_colours_and_atl
   for (const char* const caption :
        {"photograph", "take: ", "take, atlas: ", "take: difference", "take, atlas: difference"}) {
     EXPECT_THAT(html, HasSubstr(std::string("<figcaption>") + caption));
+  }
+}
+
+TEST_F(EvaluationPages, have_empty_cells_for_a_camera_without_frames) {
+  const fs::path take = folder_ / "take", page = folder_ / "page.html";
+  make_take_without_a(folder_.path(), take);
+  fs::resize_file(take::TakePaths{take}.frames("a"), 0);
+  testing::internal::CaptureStdout();
+  const test::CommandOutcome outcome =
+      test::run_command(add_evaluate, {"evaluate", take, "--held-out", "a", "--report", page});
+  EXPECT_THAT(testing::internal::GetCapturedStdout(),
+              MatchesRegex("a +no frame with foreground\n"));
+  EXPECT_EQ(outcome.status, kExitIncomplete);
+  EXPECT_THAT(outcome.error, HasSubstr("a is missing in 1 frame: see v3dctl verify"));
+  const std::string html = read_file(page);
+  for (const char* const name : {"a: PSNR, dB", "a: SSIM", "a: silhouette, IoU"}) {
+    EXPECT_THAT(html, HasSubstr(std::string("<td>") + name + "</td><td></td>"));
   }
 }
 

@@ -60,10 +60,12 @@ struct ImageSimilarity {
   double ssim = 0;
 };
 
-/// Means over the frames with foreground in the image of the camera.
+/// Means over the frames with foreground in the image of the camera; without meaning where there
+/// are none.
 struct HeldOutReport {
   std::string camera;
   int64_t frames = 0;
+  int64_t missing = 0;         ///< frames without a readable image of the camera
   ImageSimilarity inside;      ///< over HeldOutView::inside()
   ImageSimilarity whole_mask;  ///< over the mask, with background at its rim
   /// The same mesh with a texture atlas instead of colours of vertices, over inside().

@@ -156,6 +156,10 @@ void print_truth(const TruthReport& report) {
 
 void print_held_out(const std::vector<HeldOutReport>& reports) {
   for (const HeldOutReport& report : reports) {
+    if (report.frames == 0) {
+      std::printf("%-12s  no frame with foreground\n", report.camera.c_str());
+      continue;
+    }
     std::printf("%-12s  %.2f dB PSNR, %.4f SSIM, %.4f IoU over %lld frames\n",
                 report.camera.c_str(), report.inside.psnr_db, report.inside.ssim, report.iou,
                 static_cast<long long>(report.frames));
@@ -240,6 +244,24 @@ bool has_all_truth(const Arguments& arguments, const EvaluationColumn& column) {
   return false;
 }
 
+/// Reports on stderr the held-out cameras without an image of a mesh. Returns kExitDone or
+/// kExitIncomplete.
+int report_missing_images(const Arguments& arguments,
+                          const std::vector<EvaluationColumn>& columns) {
+  int status = kExitDone;
+  for (size_t i = 0; i < columns.front().held_out.size(); ++i) {
+    int64_t missing = 0;
+    for (const EvaluationColumn& column : columns) {
+      missing = std::max(missing, column.held_out[i].missing);
+    }
+    if (missing == 0) continue;
+    note("v3dctl: " + columns.front().held_out[i].camera + " is missing in " +
+         count_of(missing, "frame") + ": see v3dctl verify " + arguments.take.string());
+    status = kExitIncomplete;
+  }
+  return status;
+}
+
 /// Throws InputError for a report that could not be written after the measurements or would replace
 /// a file of the take or that of --beside, and for a file of --beside without meshes.
 void check_files(const Arguments& arguments) {
@@ -272,6 +294,7 @@ int run(const Arguments& arguments) {
     print_text(columns);
   }
   int status = has_all_truth(arguments, columns.front()) ? kExitDone : kExitIncomplete;
+  status = std::max(status, report_missing_images(arguments, columns));
   for (const EvaluationColumn& column : columns) {
     status = std::max(status, report_unfinished_meshes(open_meshes(column.evaluated)));
   }

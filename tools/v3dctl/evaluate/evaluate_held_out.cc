@@ -54,9 +54,11 @@ class HeldOutSamples {
   void add_truth(const HeldOutView& view, const Mesh& truth) {
     truth_.push_back(compare_images(view.render(truth), view.photograph(), view.inside()));
   }
+  void add_missing() { ++missing_; }
   HeldOutReport report(const std::string& camera) const {
     HeldOutReport report{.camera = camera,
                          .frames = std::ssize(iou_),
+                         .missing = missing_,
                          .inside = mean_of(inside_),
                          .whole_mask = mean_of(whole_mask_),
                          .iou = mean(iou_),
@@ -69,6 +71,7 @@ class HeldOutSamples {
  private:
   std::vector<ImageSimilarity> inside_, whole_mask_, atlas_, truth_;
   std::vector<double> iou_;
+  int64_t missing_ = 0;
 };
 
 /// True surface with about the vertex spacing of `mesh`, so that vertex colours are comparable.
@@ -116,7 +119,10 @@ std::vector<HeldOutReport> evaluate_held_out(const EvaluatedMeshes& evaluated,
       atlas = colours->atlas(compact.mesh, request.atlas_side);
     }
     for (size_t i = 0; i < samples.size(); ++i) {
-      if (!views[i]) continue;
+      if (!views[i]) {
+        samples[i].add_missing();
+        continue;
+      }
       const RigCamera& camera = recorded.rig()[i];
       const HeldOutView view(camera, *views[i]);
       if (view.inside().count() == 0) continue;

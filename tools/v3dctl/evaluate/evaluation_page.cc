@@ -105,20 +105,30 @@ std::string true_surface_row(const EvaluationPage& page, size_t camera) {
              });
 }
 
+/// Cells are empty where a camera has no frame with foreground.
 std::string held_out_rows(const EvaluationPage& page) {
   std::string html;
   for (size_t i = 0; i < page.held_out.size(); ++i) {
-    html +=
-        row(page, page.held_out[i] + ": PSNR, dB",
-            [&](const EvaluationColumn& c) { return number(c.held_out[i].inside.psnr_db, 2); }) +
-        true_surface_row(page, i) +
-        row(page, page.held_out[i] + ": SSIM",
-            [&](const EvaluationColumn& c) { return number(c.held_out[i].inside.ssim, 3); }) +
-        atlas_rows(page, i) +
-        row(page, page.held_out[i] + ": silhouette, IoU",
-            [&](const EvaluationColumn& c) { return number(c.held_out[i].iou, 4); });
+    const auto figure = [&](const char* name, int digits, const auto& value_of) {
+      return row(page, page.held_out[i] + name, [&](const EvaluationColumn& c) {
+        const HeldOutReport& report = c.held_out[i];
+        return report.frames > 0 ? number(value_of(report), digits) : "";
+      });
+    };
+    html += figure(": PSNR, dB", 2, [](const HeldOutReport& r) { return r.inside.psnr_db; }) +
+            true_surface_row(page, i) +
+            figure(": SSIM", 3, [](const HeldOutReport& r) { return r.inside.ssim; }) +
+            atlas_rows(page, i) +
+            figure(": silhouette, IoU", 4, [](const HeldOutReport& r) { return r.iou; });
   }
   return html;
+}
+
+/// The caption of a rendering in the view of a held-out camera.
+std::string rendering_caption(const EvaluationColumn& column, size_t camera) {
+  const HeldOutReport& report = column.held_out[camera];
+  return report.frames > 0 ? column.name + ": " + number(report.inside.psnr_db, 2, " dB")
+                           : column.name;
 }
 
 std::string table(const EvaluationPage& page) {
@@ -186,9 +196,7 @@ std::string photograph_and_renderings(const EvaluationPage& page,
                                                                   page.view_source)
                                                 .coloured_for(camera.model)
                                           : meshes[i].mesh;
-    renderings +=
-        figure(view.render(mesh),
-               column.name + ": " + number(column.held_out[index].inside.psnr_db, 2, " dB"));
+    renderings += figure(view.render(mesh), rendering_caption(column, index));
     differences += figure(view.difference(mesh), column.name + ": difference");
     const auto& similarity = column.held_out[index].atlas;
     if (!similarity || mesh.triangles.empty()) continue;
