@@ -2,11 +2,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <vector>
 
 #include "base/core/error.h"
+#include "base/geometry/mesh.h"
 #include "support/temporary_folder.h"
 #include "tools/command_outcome.h"
 #include "tools/gliding_take.h"
@@ -46,6 +48,45 @@ TEST_F(ExportCommand, writes_to_a_folder_whose_name_has_a_dot) {
     EXPECT_THAT(run_to(out).error, Not(HasSubstr("expected")));
     EXPECT_TRUE(fs::is_regular_file(folder_ / (out + "/000002.ply"))) << out;
   }
+}
+
+TEST_F(ExportCommand, makes_no_folder_for_colours_of_cameras_without_raw_frames) {
+  const std::string out = folder_ / "out";
+  const test::CommandOutcome outcome = test::run_command(
+      add_export,
+      {"export", folder_ / "take", "--format", "ply", "--view-dependent", "--frames", "2", out});
+  EXPECT_EQ(outcome.status, kExitBadInput);
+  EXPECT_THAT(outcome.error, HasSubstr("raw frames"));
+  EXPECT_FALSE(fs::exists(out));
+}
+
+/// 400 tetrahedra, each of which has a chart of its own.
+Mesh many_pieces() {
+  Mesh mesh;
+  for (uint32_t piece = 0; piece < 400; ++piece) {
+    const auto x = 0.05F * static_cast<float>(piece % 20);
+    const auto y = 0.05F * static_cast<float>(piece / 20);
+    const uint32_t a = 4 * piece;
+    for (const Eigen::Vector3f& corner :
+         {Eigen::Vector3f(0, 0, 0), {0.03F, 0, 0}, {0, 0.03F, 0}, {0, 0, 0.03F}}) {
+      mesh.vertices.emplace_back(corner + Eigen::Vector3f(x, y, 0));
+      mesh.colours.push_back({200, 20, 20});
+    }
+    mesh.triangles.insert(
+        mesh.triangles.end(),
+        {{a, a + 2, a + 1}, {a, a + 1, a + 3}, {a, a + 3, a + 2}, {a + 1, a + 2, a + 3}});
+  }
+  return mesh;
+}
+
+TEST_F(ExportCommand, makes_no_folder_where_the_texture_of_the_first_frame_has_no_space) {
+  test::write_still_meshes(folder_ / "take", many_pieces(), {});
+  const std::string out = folder_ / "out";
+  const test::CommandOutcome outcome = test::run_command(
+      add_export, {"export", folder_ / "take", "--format", "glb", "--atlas", "64", out});
+  EXPECT_EQ(outcome.status, kExitBadInput);
+  EXPECT_THAT(outcome.error, HasSubstr("charts do not fit"));
+  EXPECT_FALSE(fs::exists(out));
 }
 
 TEST_F(ExportCommand, refuses_the_proxy_for_sound_files) {

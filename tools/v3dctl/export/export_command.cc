@@ -131,6 +131,13 @@ std::optional<recon::TextureAtlas> take_texture(TexturePainter& painter, int sid
   return recon::TextureAtlas{std::move(layout), std::move(image)};
 }
 
+/// Throws InputError when it cannot be created.
+void create_folder(const fs::path& folder) {
+  std::error_code error;
+  if (fs::create_directories(folder, error) || fs::is_directory(folder)) return;
+  throw InputError(folder.string() + ": cannot create the folder: " + error.message());
+}
+
 int run(const Arguments& arguments) {
   if (arguments.format == "volume") return run_volume_export(arguments);
   if (arguments.uncompressed) throw InputError("--uncompressed: expected --format volume");
@@ -151,11 +158,6 @@ int run(const Arguments& arguments) {
   catch_interrupts();
   // Before the first file is written: a wrong number would replace files by empty ones.
   require_performer(meshes, frames, arguments.take, arguments.performer);
-  std::error_code error;
-  if (!to_file && !fs::create_directories(arguments.out, error) &&
-      !fs::is_directory(arguments.out)) {
-    throw InputError(arguments.out.string() + ": cannot create the folder: " + error.message());
-  }
   report_missing_pulses(take::load_take_info({arguments.take}), range, frames);
   std::optional<TakeColours> colours;
   if (arguments.view_dependent) colours.emplace(arguments.take);
@@ -174,6 +176,8 @@ int run(const Arguments& arguments) {
     performer.apply(content, cameras);
     std::optional<recon::TextureAtlas> atlas;
     if (painter) atlas = take_texture(*painter, arguments.atlas_side, whole, content);
+    // Not earlier: a failure of the first frame leaves no empty folder.
+    if (!to_file && frame == frames.front()) create_folder(arguments.out);
     write_mesh(file, format, content.mesh,
                {.compression = compression,
                 .lattice = content.lattice,
