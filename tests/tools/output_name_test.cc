@@ -108,5 +108,24 @@ TEST(RenderCommand, takes_an_existing_folder_whose_name_has_a_dot) {
   EXPECT_THAT(render(), HasSubstr("none.json"));
 }
 
+TEST(RenderCommand, refuses_a_file_in_a_folder_that_does_not_exist) {
+  const test::TemporaryFolder folder;
+  const std::string take = folder / "take", scene = folder / "scene.json";
+  test::write_gliding_take(take);
+  test::write_text(scene, R"({"v3d_scene": 1, "seconds": 0.1, "takes": [{"take": "take"}],
+      "camera": {"keys": [{"at_s": 0, "eye": [0, -3, 1], "look": [0, 0, 1]}]}})");
+  const std::string picture = folder / "nodir/x.png", video = folder / "nodir/x.mp4";
+  for (const std::vector<std::string>& words :
+       {std::vector<std::string>{"--scene", scene, "--size", "64x48", "--at", "0", picture},
+        {"--scene", scene, "--size", "64x48", video},
+        {take, "--camera", "a", picture}}) {
+    std::vector<std::string> command = {"render"};
+    command.insert(command.end(), words.begin(), words.end());
+    const test::CommandOutcome outcome = test::run_command(add_render, command);
+    EXPECT_EQ(outcome.status, kExitBadInput) << words.back();
+    EXPECT_THAT(outcome.error, HasSubstr("OUT " + words.back() + ": its folder "));
+  }
+}
+
 }  // namespace
 }  // namespace v3d::ctl

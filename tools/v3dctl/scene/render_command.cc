@@ -175,6 +175,7 @@ int run_scene(const Arguments& arguments) {
   if (picture && !arguments.frames.empty()) {
     throw InputError("--frames: expected a video or a folder, or no --frames beside --at");
   }
+  if (picture || VideoWriter::writes(arguments.out)) check_output({"OUT", arguments.out});
   const ImageSize size = parse_size(arguments.size);
   Scene scene = load_scene(arguments.scene);
   const take::FrameRange range = frames_of(arguments, scene);
@@ -202,6 +203,7 @@ int run_take(const Arguments& arguments) {
   if (arguments.out.extension() != ".png") {
     throw InputError(arguments.out.string() + ": expected a name that ends in .png");
   }
+  check_output({"OUT", arguments.out});
   recorded::MeshFrames meshes = open_meshes(arguments.take, arguments.proxy);
   const int64_t frame = arguments.frame >= 0 ? arguments.frame : meshes.frames({}).front();
   meshes.enable_views(arguments.view_dependent);
