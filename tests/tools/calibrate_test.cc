@@ -144,6 +144,59 @@ TEST_F(RigImages, of_a_camera_that_is_late_have_the_remedy_of_their_source) {
   EXPECT_THAT(time_offset_remedy(images), HasSubstr("the n-th images"));
 }
 
+/// A source of these images, "image 0" and so on.
+ImageSource source_of(std::vector<Image> images) {
+  ImageSource source{"images", std::ssize(images), {}};
+  source.next = [images = std::move(images),
+                 position = size_t{0}]() mutable -> std::optional<CalibrationImage> {
+    if (position == images.size()) return std::nullopt;
+    const size_t number = position++;
+    return CalibrationImage{static_cast<int64_t>(number), "image " + std::to_string(number),
+                            images[number]};
+  };
+  return source;
+}
+
+Image grey_image(ImageSize size, uint8_t value) {
+  Image image(size, PixelFormat::kMono8);
+  std::fill(image.bytes.begin(), image.bytes.end(), value);
+  return image;
+}
+
+/// A chessboard from the front, with a margin of one square.
+Image chessboard(int corner_columns, int corner_rows) {
+  constexpr int kSquare = 30;  // pixels
+  Image image = grey_image({(corner_columns + 3) * kSquare, (corner_rows + 3) * kSquare}, 255);
+  for (int y = kSquare; y < (corner_rows + 2) * kSquare; ++y) {
+    for (int x = kSquare; x < (corner_columns + 2) * kSquare; ++x) {
+      if ((x / kSquare + y / kSquare) % 2 == 1) continue;
+      image.bytes[static_cast<size_t>(y) * image.size.width + x] = 20;
+    }
+  }
+  return image;
+}
+
+/// The message of a search for a board of 9x6 corners in these images, which do not show it.
+std::string message_of_search(const std::vector<Image>& images) {
+  const calib::BoardDetector detector(calib::parse_board("chess:9x6:25mm"));
+  return test::message_of<InputError>([&] { find_boards("cam", source_of(images), detector); });
+}
+
+TEST(BoardSearch, in_any_number_of_images_without_a_board_is_rejected) {
+  for (const size_t count : {12U, 30U}) {
+    const std::vector<Image> images(count, grey_image({320, 240}, 120));
+    EXPECT_THAT(message_of_search(images),
+                testing::HasSubstr("too few boards: no chess:9x6:25mm in any of " +
+                                   std::to_string(count) + " images"));
+  }
+}
+
+TEST(BoardSearch, in_many_images_of_another_board_reports_its_size) {
+  const std::vector<Image> images(14, chessboard(8, 5));
+  EXPECT_THAT(message_of_search(images),
+              testing::HasSubstr("image 0: wrong board size: a chessboard of 8x5 inner corners"));
+}
+
 /// Saves plates of one grey value as the background of the cameras.
 void save_plates(const std::filesystem::path& folder, const Rig& rig, ImageSize size) {
   Image plate(size, PixelFormat::kRGB8);

@@ -267,7 +267,7 @@ class ImagesWithoutBoard {
     if (seen_++ % stride_ != 0) return;
     kept_.push_back(std::move(image));
     if (kept_.size() < 2 * kMaxDiagnosed) return;
-    for (size_t i = 0; i < kMaxDiagnosed; ++i) kept_[i] = std::move(kept_[2 * i]);
+    for (size_t i = 1; i < kMaxDiagnosed; ++i) kept_[i] = std::move(kept_[2 * i]);
     kept_.resize(kMaxDiagnosed);
     stride_ *= 2;
   }
