@@ -11,6 +11,7 @@
 
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
+#include "base/core/text.h"
 #include "base/image/image_files.h"
 #include "base/io/file.h"
 #include "calib/boards/board.h"
@@ -309,6 +310,17 @@ TEST_F(CalibrationOutputs, of_which_one_would_replace_another_are_rejected_befor
   EXPECT_THAT(
       error_of({"colour", "--with", "grey", "--calib", calib_, "--out", other, "--report", calib_}),
       testing::HasSubstr("is the file of --calib; use another"));
+  EXPECT_EQ(read_file(calib_), before);
+}
+
+TEST_F(CalibrationOutputs, stay_where_a_camera_has_a_name_that_they_could_not_hold) {
+  const std::string before = read_file(calib_);
+  for (const char* option : {"--images", "--video"}) {
+    EXPECT_THAT(
+        error_of_command({"rig", "--board", "chess:9x6:25mm", option, "front left=x*.png", option,
+                          "b=y*.png", "--out", calib_}),
+        testing::HasSubstr(std::string(option) + " front left: " + std::string(kCameraNameRule)));
+  }
   EXPECT_EQ(read_file(calib_), before);
 }
 

@@ -1,6 +1,7 @@
 #include "calibrate/rig_boards.h"
 
 #include "base/core/error.h"
+#include "base/core/text.h"
 #include "base/io/file.h"
 #include "calib/boards/board.h"
 #include "calib/formats/text_fields.h"
@@ -44,6 +45,17 @@ void note_stamps_beyond(const std::string& camera, const calib::FrameInstants& f
        " at its end that --timestamps has");
 }
 
+/// The values of an option. The calibration file cannot hold every name.
+std::vector<ctl::CameraFile> named_files(const std::vector<std::string>& values,
+                                         const std::string& option) {
+  std::vector<ctl::CameraFile> files = ctl::parse_camera_files(values, option);
+  for (const auto& [camera, file] : files) {
+    if (is_camera_name(camera)) continue;
+    throw InputError(option + " " + camera + ": " + std::string(kCameraNameRule));
+  }
+  return files;
+}
+
 }  // namespace
 
 void RigArguments::add_to(cli::Command command) {
@@ -83,8 +95,8 @@ void RigArguments::require_used_options() const {
 RigSources RigArguments::sources(const ctl::CommandLine& line) const {
   require_used_options();
   RigSources result = given;
-  result.videos = ctl::parse_camera_files(videos, "--video");
-  result.images = ctl::parse_camera_files(images, "--images");
+  result.videos = named_files(videos, "--video");
+  result.images = named_files(images, "--images");
   if (live_s > 0) result.take = record_live_take(line.studio(), live_s);
   return result;
 }
