@@ -131,8 +131,8 @@ bool is_settings_file(const fs::path& file) {
       "hostname",     "role",        "studio.toml", "calib.toml",      "members.toml",
       "studio.key",   "signing.key", "pc",          "authorized_keys", "root_authorized_keys",
       "time_servers", "taken",       "report.txt",  "report.new"};
-  return kNames.contains(file.filename()) || file.extension() == ".network" ||
-         file.extension() == ".link" || io::is_temporary(file);
+  return file.filename() == kIdFile || kNames.contains(file.filename()) ||
+         file.extension() == ".network" || file.extension() == ".link" || io::is_temporary(file);
 }
 
 /// True for the keys of a settings folder.
@@ -149,16 +149,17 @@ void overwrite(const fs::path& path) {
 }
 
 /// Removes an earlier settings folder, its `id` first, so that no PC takes a part of it. Its keys
-/// are overwritten: a studio key stays valid.
+/// are overwritten: a studio key stays valid. Throws InputError, and changes nothing, where the
+/// folder has other files.
 void remove_settings(const fs::path& folder) {
-  fs::remove(folder / kIdFile);
-  io::throw_if_failed(io::sync_folder(folder));
   for (const auto& entry : fs::directory_iterator(folder)) {
     if (entry.is_directory() || !is_settings_file(entry.path())) {
       throw InputError(entry.path().string() +
                        ": is no file of v3dctl node add; move it out of the folder");
     }
   }
+  fs::remove(folder / kIdFile);
+  io::throw_if_failed(io::sync_folder(folder));
   for (const auto& entry : fs::directory_iterator(folder)) {
     if (is_secret(entry.path())) overwrite(entry.path());
     fs::remove(entry.path());
