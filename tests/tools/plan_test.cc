@@ -2,13 +2,18 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <nlohmann/json.hpp>
 
+#include "base/config/calib_file.h"
 #include "base/core/error.h"
 #include "plan/coverage.h"
 #include "plan/placement.h"
+#include "plan/plan_command.h"
 #include "plan/plan_plot.h"
 #include "sim/rendering/scene.h"
 #include "support/message_of.h"
+#include "support/temporary_folder.h"
+#include "tools/command_outcome.h"
 
 namespace v3d::plan {
 namespace {
@@ -116,6 +121,48 @@ TEST(PlanCoverage, counts_what_another_performer_hides) {
   EXPECT_NEAR(coverage.views_lost, 2.0 / 6, 1e-9);
   EXPECT_NEAR(coverage.below_two, 1.0 / 3, 1e-9);
   EXPECT_NEAR(coverage.widest_baseline_deg.p50, 2 * std::atan(0.05 / 3.5) * 180 / M_PI, 0.3);
+}
+
+TEST(PlanCoverage, has_no_accuracy_where_no_point_is_seen_by_two_cameras) {
+  CandidateLenses lens;
+  const ActionSamples action = two_walls();
+  const auto from = [&](const Vector3d& at, const Vector3d& target) {
+    return measure_coverage({ideal_camera(lens, 4, at, target)}, action);
+  };
+  const SurfaceCoverage one = from({4, 0, 1}, {0, 0, 1});
+  EXPECT_GT(one.mm_per_pixel.p50, 0);
+  for (const Percentiles& values :
+       {one.error_mm, one.nearest_baseline_deg, one.widest_baseline_deg}) {
+    EXPECT_TRUE(std::isnan(values.p10) && std::isnan(values.p50) && std::isnan(values.p90));
+  }
+  EXPECT_TRUE(std::isnan(from({4, 0, 1}, {8, 0, 1}).mm_per_pixel.p50)) << "it sees nothing";
+}
+
+/// Measures one camera by the command, with a text or with JSON on standard output.
+std::string measured_camera(const Vector3d& at, const Vector3d& target, bool json) {
+  const test::TemporaryFolder folder;
+  const std::string fixed = (folder / "fixed.toml").string();
+  save_calib(fixed, {{"cam01", ideal_camera({{6}}, 6, at, target), {}}});
+  std::vector<std::string> words = {
+      "plan",  "--space=-1.5,-1.5,0,1.5,1.5,2", "--cameras", "1", "--lens", "6", "--fixed", fixed,
+      "--out", (folder / "out.toml").string(),  "--moments", "2"};
+  if (json) words.emplace_back("--json");
+  testing::internal::CaptureStdout();
+  const test::CommandOutcome outcome = test::run_command(add_plan, words);
+  EXPECT_EQ(outcome.status, kExitDone) << outcome.error;
+  return testing::internal::GetCapturedStdout();
+}
+
+TEST(PlanCommand, reports_no_accuracy_of_a_single_camera) {
+  const Vector3d at(3, 0, 1.5), middle(0, 0, 1), away(6, 0, 2);
+  const auto json = nlohmann::json::parse(measured_camera(at, middle, true));
+  EXPECT_TRUE(json.at("mm_per_pixel").at("p50").is_number());
+  EXPECT_TRUE(json.at("error_mm").at("p50").is_null());
+  EXPECT_TRUE(json.at("baseline_deg").at("nearest").at("p50").is_null());
+  EXPECT_TRUE(json.at("baseline_deg").at("widest").at("p50").is_null());
+  EXPECT_THAT(measured_camera(at, middle, false),
+              HasSubstr(" mm per pixel; no point is seen by two cameras\n"));
+  EXPECT_THAT(measured_camera(at, away, false), HasSubstr("\nno point is seen by a camera\n"));
 }
 
 TEST(PointInformation, of_two_cameras_at_a_right_angle_gives_the_variance_of_triangulation) {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "base/core/statistics.h"
@@ -35,6 +36,8 @@ int count_at(const Views& views, size_t sample) {
 }
 
 Percentiles percentiles_of(const std::vector<double>& values) {
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  if (values.empty()) return {kNone, kNone, kNone};
   return {percentile(values, 0.1), percentile(values, 0.5), percentile(values, 0.9)};
 }
 

@@ -8,6 +8,7 @@
 
 namespace v3d::plan {
 
+/// NaN for no values.
 struct Percentiles {
   double p10 = 0, p50 = 0, p90 = 0;
 };

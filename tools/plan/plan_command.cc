@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
@@ -178,6 +179,7 @@ ActionSamples held_out_action(const Request& request) {
   return sample_action(request.space, options);
 }
 
+/// NaN is written as null.
 Json json_of(const Percentiles& values) {
   return {{"p10", values.p10}, {"p50", values.p50}, {"p90", values.p90}};
 }
@@ -212,6 +214,18 @@ Json json_of(const Rig& rig, const SurfaceCoverage& coverage, const Request& req
   return cameras;
 }
 
+std::string medians_text(const SurfaceCoverage& coverage) {
+  if (std::isnan(coverage.mm_per_pixel.p50)) return "no point is seen by a camera\n";
+  const std::string resolution =
+      fmt::format("median of seen points: {:.1f} mm per pixel", coverage.mm_per_pixel.p50);
+  if (std::isnan(coverage.error_mm.p50)) {
+    return resolution + "; no point is seen by two cameras\n";
+  }
+  return resolution + fmt::format(", error {:.1f} mm, baselines of {:.0f} to {:.0f} degrees\n",
+                                  coverage.error_mm.p50, coverage.nearest_baseline_deg.p50,
+                                  coverage.widest_baseline_deg.p50);
+}
+
 std::string summary(const Rig& rig, const SurfaceCoverage& coverage, const Request& request,
                     const CameraPlacement& placement) {
   std::string text;
@@ -227,11 +241,7 @@ std::string summary(const Rig& rig, const SurfaceCoverage& coverage, const Reque
       "surface seen by no camera {:.1f} %, one {:.1f} %, two {:.1f} %, three or more {:.1f} %\n",
       100 * coverage.share[0], 100 * coverage.share[1], 100 * coverage.share[2],
       100 * coverage.share[3]);
-  text += fmt::format(
-      "median of seen points: {:.1f} mm per pixel, error {:.1f} mm, baselines of {:.0f} to {:.0f} "
-      "degrees\n",
-      coverage.mm_per_pixel.p50, coverage.error_mm.p50, coverage.nearest_baseline_deg.p50,
-      coverage.widest_baseline_deg.p50);
+  text += medians_text(coverage);
   if (request.action.cast == Cast::kDuel) {
     text += fmt::format(
         "the other performer hides {:.1f} % of the views, and leaves {:.1f} % of the surface with "
