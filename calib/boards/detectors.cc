@@ -167,16 +167,19 @@ std::string sides(int columns, int rows) {
   return std::to_string(columns) + "x" + std::to_string(rows);
 }
 
-/// Inner corners along the sides of a chessboard of any size.
+/// The pattern from which the search for a chessboard of any size grows.
+const cv::Size kSeed(3, 3);
+
+/// Inner corners along the sides of a chessboard of any size. It may be a part of a larger one.
 std::optional<cv::Size> any_chessboard(const cv::Mat& grey) {
   std::vector<cv::Point2f> points;
   cv::Mat grid;
   const int flags = cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_LARGER;
-  if (!cv::findChessboardCornersSB(grey, {3, 3}, points, flags, grid)) return std::nullopt;
+  if (!cv::findChessboardCornersSB(grey, kSeed, points, flags, grid)) return std::nullopt;
   return cv::Size(grid.cols, grid.rows);
 }
 
-std::optional<std::string> diagnose_chess(const cv::Mat& grey, const Board& board) {
+std::optional<BoardDiagnosis> diagnose_chess(const cv::Mat& grey, const Board& board) {
   const auto found = any_chessboard(grey);
   if (!found) return std::nullopt;
   const int longer = std::max(found->width, found->height);
@@ -185,9 +188,11 @@ std::optional<std::string> diagnose_chess(const cv::Mat& grey, const Board& boar
       shorter == std::min(board.corner_columns, board.corner_rows)) {
     return std::nullopt;
   }
-  return "wrong board size: a chessboard of " + sides(longer, shorter) +
-         " inner corners is in the image, not " + sides(board.corner_columns, board.corner_rows) +
-         " (count the points where four squares meet)";
+  return BoardDiagnosis{.text = "wrong board size: a chessboard of " + sides(longer, shorter) +
+                                " inner corners is in the image, not " +
+                                sides(board.corner_columns, board.corner_rows) +
+                                " (count the points where four squares meet)",
+                        .may_be_part = *found == kSeed};
 }
 
 }  // namespace
@@ -244,35 +249,37 @@ struct BoardDetector::Charuco {
     return observation;
   }
 
-  std::optional<std::string> diagnose(const cv::Mat& grey, const Board& b) const {
+  std::optional<BoardDiagnosis> diagnose(const cv::Mat& grey, const Board& b) const {
     constexpr size_t kMinMarkers = 3;
     cv::Mat mirrored;
     cv::flip(grey, mirrored, 1);
     const Markers found = find_markers(grey, dictionary);
     if (find_markers(mirrored, dictionary).ids.size() >= kMinMarkers + found.ids.size()) {
-      return "mirrored print: the markers are only readable in the mirrored image (print the board "
-             "again, or turn off mirroring in the camera)";
+      return BoardDiagnosis{
+          "mirrored print: the markers are only readable in the mirrored image (print the board "
+          "again, or turn off mirroring in the camera)"};
     }
     const auto beyond = std::max_element(found.ids.begin(), found.ids.end());
     if (beyond != found.ids.end() && *beyond >= static_cast<int>(marker_count(board))) {
-      return "wrong board size: marker " + std::to_string(*beyond) + " is in the image, and " +
-             b.text() + " has markers 0 to " + std::to_string(marker_count(board) - 1);
+      return BoardDiagnosis{"wrong board size: marker " + std::to_string(*beyond) +
+                            " is in the image, and " + b.text() + " has markers 0 to " +
+                            std::to_string(marker_count(board) - 1)};
     }
     const cv::Mat negative = 255 - grey;
     if (found.ids.size() < kMinMarkers &&
         find_markers(negative, dictionary).ids.size() >= kMinMarkers) {
-      return std::string("the print is ") +
-             (b.inverted ? "black on white: omit ':inverted'"
-                         : "white on black: append ':inverted' to the board");
+      return BoardDiagnosis{std::string("the print is ") +
+                            (b.inverted ? "black on white: omit ':inverted'"
+                                        : "white on black: append ':inverted' to the board")};
     }
     return diagnose_dictionary(grey, found.ids.size());
   }
 
-  std::optional<std::string> diagnose_dictionary(const cv::Mat& grey, size_t found) const {
+  std::optional<BoardDiagnosis> diagnose_dictionary(const cv::Mat& grey, size_t found) const {
     for (const char* name : {"DICT_4X4_1000", "DICT_5X5_1000", "DICT_6X6_1000", "DICT_7X7_1000",
                              "DICT_ARUCO_ORIGINAL"}) {
       if (find_markers(grey, dictionary_named(name)).ids.size() >= 3 + found) {
-        return "wrong dictionary: the markers belong to " + std::string(name);
+        return BoardDiagnosis{"wrong dictionary: the markers belong to " + std::string(name)};
       }
     }
     return std::nullopt;
@@ -376,7 +383,7 @@ std::optional<BoardObservation> BoardDetector::find_small(ImageView image) const
   return std::nullopt;
 }
 
-std::optional<std::string> BoardDetector::diagnose(ImageView image) const {
+std::optional<BoardDiagnosis> BoardDetector::diagnose(ImageView image) const {
   const cv::Mat grey = prepared(image);
   return charuco_ ? charuco_->diagnose(grey, board_) : diagnose_chess(grey, board_);
 }

@@ -20,6 +20,13 @@ class Mat;
 
 namespace v3d::calib {
 
+/// What an image shows in place of the expected board.
+struct BoardDiagnosis {
+  std::string text;  ///< one sentence
+  /// Perhaps only a part of a larger board was found: prefer the diagnosis of another image.
+  bool may_be_part = false;
+};
+
 /// Finds the corners of one kind of board. Images may have any pixel format.
 ///
 /// Corners are accurate to 0.1 px. A chessboard is found as a whole or not at all; of a ChArUco
@@ -43,10 +50,10 @@ class BoardDetector {
   /// through the lens model, so the board may be slanted by any angle.
   std::optional<BoardObservation> find_at(ImageView image, const CameraModel& camera) const;
 
-  /// For an image in which find() finds nothing: one sentence on what is there instead, such as a
-  /// board of another size or a mirrored print. Empty where nothing is recognised. Takes much
-  /// longer than find().
-  std::optional<std::string> diagnose(ImageView image) const;
+  /// For an image in which find() finds nothing: what is there instead, such as a board of another
+  /// size or a mirrored print. Empty where nothing is recognised. Of a chessboard that is not seen
+  /// well, the size may be that of a part. Takes much longer than find().
+  std::optional<BoardDiagnosis> diagnose(ImageView image) const;
 
  private:
   struct Charuco;

@@ -198,6 +198,34 @@ TEST(BoardSearch, in_many_images_of_another_board_reports_its_size) {
               testing::HasSubstr("image 0: wrong board size: a chessboard of 8x5 inner corners"));
 }
 
+TEST(BoardSearch, in_images_of_another_board_reports_the_size_that_most_of_them_show) {
+  // The last columns of squares are not visible.
+  Image part = chessboard(8, 5);
+  for (int y = 0; y < part.size.height; ++y) {
+    const auto row = part.bytes.begin() + static_cast<std::ptrdiff_t>(y) * part.size.width;
+    std::fill(row + 240, row + part.size.width, uint8_t{255});
+  }
+  const Image whole = chessboard(8, 5);
+  EXPECT_THAT(message_of_search({part}),
+              testing::HasSubstr("image 0: wrong board size: a chessboard of 6x5 inner corners"));
+  EXPECT_THAT(message_of_search({part, whole, whole}),
+              testing::HasSubstr("image 1: wrong board size: a chessboard of 8x5 inner corners"));
+}
+
+TEST(BoardSearch, reports_the_smallest_pattern_only_where_no_image_shows_a_larger_one) {
+  Image small = grey_image(chessboard(8, 5).size, 255);
+  const Image three = chessboard(3, 3);
+  for (int y = 0; y < three.size.height; ++y) {
+    std::copy_n(three.bytes.begin() + static_cast<std::ptrdiff_t>(y) * three.size.width,
+                three.size.width,
+                small.bytes.begin() + static_cast<std::ptrdiff_t>(y) * small.size.width);
+  }
+  EXPECT_THAT(message_of_search({small, small}),
+              testing::HasSubstr("image 0: wrong board size: a chessboard of 3x3 inner corners"));
+  EXPECT_THAT(message_of_search({small, small, chessboard(8, 5)}),
+              testing::HasSubstr("image 2: wrong board size: a chessboard of 8x5 inner corners"));
+}
+
 /// Saves plates of one grey value as the background of the cameras.
 void save_plates(const std::filesystem::path& folder, const Rig& rig, ImageSize size) {
   Image plate(size, PixelFormat::kRGB8);

@@ -272,16 +272,40 @@ class ImagesWithoutBoard {
     stride_ *= 2;
   }
 
+  /// The diagnosis of most images, with the name of the first of them: a single image may show
+  /// only a part of the board.
   std::optional<std::string> diagnose(const BoardDetector& detector) const {
+    std::vector<Diagnosis> diagnoses;
     for (const CalibrationImage& image : kept_) {
       ctl::stop_if_interrupted();
-      if (auto diagnosis = detector.diagnose(image.pixels.view()))
-        return image.name + ": " + *diagnosis;
+      if (auto found = detector.diagnose(image.pixels.view())) {
+        count(std::move(*found), image.name, diagnoses);
+      }
     }
-    return std::nullopt;
+    const auto best = std::ranges::max_element(diagnoses, {}, [](const Diagnosis& diagnosis) {
+      return std::pair(!diagnosis.found.may_be_part, diagnosis.images);
+    });
+    if (best == diagnoses.end()) return std::nullopt;
+    return best->first_image + ": " + best->found.text;
   }
 
  private:
+  struct Diagnosis {
+    calib::BoardDiagnosis found;
+    std::string first_image;
+    int images = 0;
+  };
+
+  static void count(calib::BoardDiagnosis found, const std::string& image,
+                    std::vector<Diagnosis>& diagnoses) {
+    auto same = std::ranges::find_if(
+        diagnoses, [&](const Diagnosis& other) { return other.found.text == found.text; });
+    if (same == diagnoses.end()) {
+      same = diagnoses.insert(same, Diagnosis{std::move(found), image});
+    }
+    ++same->images;
+  }
+
   std::vector<CalibrationImage> kept_;
   size_t seen_ = 0;
   size_t stride_ = 1;
