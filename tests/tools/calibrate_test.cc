@@ -361,6 +361,25 @@ TEST_F(CalibrationOutputs, that_cannot_be_written_are_rejected_before_the_work) 
            {"intrinsics", "--board", "chess:9x6:25mm", "--out", absent_}}) {
     EXPECT_THAT(error_of(words), testing::HasSubstr("does not exist")) << words.front();
   }
+  EXPECT_THAT(error_of_command({"guess", "--size", "64x48", "--out", absent_}),
+              testing::HasSubstr("does not exist"));
+}
+
+TEST_F(CalibrationOutputs, that_are_files_of_a_take_are_rejected_before_the_work) {
+  const std::filesystem::path take = folder_ / "take";
+  const std::string recorded = take / "calib.toml";
+  std::filesystem::create_directory(take);
+  save_calib(recorded, test::small_rig(2));
+  replace_file(take / "take.toml", "");
+  for (const std::vector<std::string>& words : std::vector<std::vector<std::string>>{
+           {"rig", "--board", "chess:9x6:25mm", "--out", recorded},
+           {"rig", "--board", "chess:9x6:25mm", "--out", calib_, "--report", recorded},
+           {"floor", "--board", "chess:9x6:25mm", "--calib", calib_, "--out", recorded},
+           {"colour", "--calib", calib_, "--out", recorded},
+           {"intrinsics", "--board", "chess:9x6:25mm", "--out", recorded}}) {
+    EXPECT_THAT(error_of(words), testing::HasSubstr("is a recorded file of a take"))
+        << words.front();
+  }
 }
 
 TEST(ConvertedCalibration, that_no_command_could_read_is_rejected_and_keeps_the_file) {

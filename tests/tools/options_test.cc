@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "base/core/error.h"
+#include "base/io/file.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "v3dctl/reconstruct/reconstruct_options.h"
@@ -52,6 +53,19 @@ TEST(OutputFiles, can_be_replaced_but_not_created_in_an_absent_folder) {
   EXPECT_THROW(
       require_other_file({"--report", folder / "a"}, {{"--out", folder / "b" / ".." / "a"}}),
       InputError);
+}
+
+TEST(OutputFiles, that_are_recorded_files_are_rejected) {
+  const test::TemporaryFolder take;
+  replace_file(take / "calib.toml", "");
+  EXPECT_NO_THROW(check_output({"--out", take / "calib.toml"}));
+  replace_file(take / "take.toml", "");
+  for (const char* name : {"calib.toml", "cam01.lcmlog"}) {
+    EXPECT_THAT(test::message_of<InputError>([&] {
+                  check_output({"--out", take / name});
+                }),
+                testing::HasSubstr(std::string(name) + ": is a recorded file of a take"));
+  }
 }
 
 TEST(CameraFiles, keep_their_order_and_any_equals_sign_in_the_file_name) {

@@ -67,6 +67,7 @@ struct Arguments {
 
 int run(const ctl::CommandLine& line, const Arguments& arguments) {
   const ImageSize size = parse_size(arguments.size);
+  ctl::check_output({"--out", arguments.out});
   if (std::filesystem::exists(arguments.out)) {
     throw InputError(
         arguments.out +

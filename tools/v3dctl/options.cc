@@ -7,6 +7,7 @@
 
 #include "base/core/error.h"
 #include "base/core/text.h"
+#include "base/io/recorded_file.h"
 #include "common/console.h"
 
 namespace v3d::ctl {
@@ -109,6 +110,7 @@ int report_missing_index(const std::filesystem::path& file) {
 
 void check_output(const OptionFile& output) {
   if (output.file.empty()) return;
+  require_unrecorded(output.file);
   const std::string name = output.option + " " + output.file.string();
   const std::filesystem::path folder = std::filesystem::absolute(output.file).parent_path();
   if (!std::filesystem::is_directory(folder)) {

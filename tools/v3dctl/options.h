@@ -48,8 +48,9 @@ struct OptionFile {
   std::filesystem::path file;
 };
 
-/// Throws InputError where the file could not be written after the work, because it is a folder, or
-/// its folder does not exist or cannot be written. Does nothing for an option that is not given.
+/// Throws InputError where the file could not be written after the work, because it is a folder or
+/// a recorded file, or its folder does not exist or cannot be written. Does nothing for an option
+/// that is not given.
 void check_output(const OptionFile& output);
 
 /// Throws InputError where `output` names the file of one of `others`, and would replace it.
