@@ -382,6 +382,19 @@ TEST_F(CalibrationOutputs, that_are_files_of_a_take_are_rejected_before_the_work
   }
 }
 
+TEST_F(CalibrationOutputs, of_colours_are_rejected_for_an_option_that_the_comparison_does_not_use) {
+  const std::string before = read_file(calib_);
+  for (const char* with : {"surface,floor", "surface", "floor"}) {
+    EXPECT_THAT(error_of_command({"colour", "--calib", calib_, "--out", calib_, "--with", with,
+                                  "--take", absent_, "--every", "5"}),
+                testing::HasSubstr("--every chooses images of a chart or a grey card"));
+  }
+  EXPECT_THAT(error_of_command({"colour", "--calib", calib_, "--out", calib_, "--with", "grey",
+                                "--take", absent_, "--every", "5"}),
+              testing::Not(testing::HasSubstr("--every")));
+  EXPECT_EQ(read_file(calib_), before);
+}
+
 TEST(ConvertedCalibration, that_no_command_could_read_is_rejected_and_keeps_the_file) {
   const test::TemporaryFolder folder;
   const std::filesystem::path model = folder / "sparse";

@@ -78,13 +78,23 @@ struct Result {
   std::vector<calib::ColourSample> samples;
 };
 
-Result fit_colours(const ctl::CommandLine& line, const Arguments& arguments, const Rig& rig) {
-  const References references = parse_references(arguments.with);
-  if (arguments.sources.live_s > 0 && !references.chart && !references.grey) {
+/// Throws InputError for options that the comparison of surface and floor does not use.
+void require_used_options(const References& references, const RigArguments& sources) {
+  if (references.chart || references.grey) return;
+  if (sources.live_s > 0) {
     throw InputError(
         "--live needs --with chart or grey; surface and floor need a reconstructed take: use "
         "--take TAKE");
   }
+  if (sources.given.sampling.every > 0) {
+    throw InputError(
+        "--every chooses images of a chart or a grey card; surface and floor do not use it");
+  }
+}
+
+Result fit_colours(const ctl::CommandLine& line, const Arguments& arguments, const Rig& rig) {
+  const References references = parse_references(arguments.with);
+  require_used_options(references, arguments.sources);
   const RigSources sources = arguments.sources.sources(line);
   calib::ColourOptions options;
   for (const RigCamera& camera : rig) options.cameras.push_back(camera.name);
