@@ -26,6 +26,7 @@
 #include "support/temporary_folder.h"
 #include "take/logs/frame_log.h"
 #include "take/take.h"
+#include "tools/command_outcome.h"
 #include "tools/test_images.h"
 
 namespace v3d::calibrate {
@@ -301,15 +302,17 @@ TEST_F(InterruptedCalibration, keeps_the_file_after_its_last_step) {
       testing::ExitedWithCode(0), "");
 }
 
+/// Runs `v3dctl calibrate WORDS`.
+test::CommandOutcome outcome_of(std::vector<std::string> words) {
+  words.insert(words.begin(), "calibrate");
+  return test::run_command(add_calibrate, std::move(words));
+}
+
 /// What `v3dctl calibrate WORDS` prints on stderr. It must reject its arguments.
 std::string error_of_command(std::vector<std::string> words) {
-  words.insert(words.begin(), {"v3dctl", "calibrate"});
-  std::vector<char*> argv;
-  for (std::string& word : words) argv.push_back(word.data());
-  testing::internal::CaptureStderr();
-  const int status = ctl::run_program(static_cast<int>(argv.size()), argv.data(), add_calibrate);
-  EXPECT_EQ(status, kExitBadInput);
-  return testing::internal::GetCapturedStderr();
+  const test::CommandOutcome outcome = outcome_of(std::move(words));
+  EXPECT_EQ(outcome.status, kExitBadInput);
+  return outcome.error;
 }
 
 class CalibrationOutputs : public testing::Test {
@@ -393,6 +396,25 @@ TEST_F(CalibrationOutputs, of_colours_are_rejected_for_an_option_that_the_compar
                                 "--take", absent_, "--every", "5"}),
               testing::Not(testing::HasSubstr("--every")));
   EXPECT_EQ(read_file(calib_), before);
+}
+
+TEST(ConvertedCalibration, for_colmap_keeps_the_points_of_another_model) {
+  const test::TemporaryFolder folder;
+  const std::filesystem::path model = folder / "sparse";
+  const std::string calib = (folder / "calib.toml").string();
+  save_calib(calib, test::small_rig(2));
+  const std::vector<std::string> words = {"convert", calib, model.string(), "--to", "colmap"};
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_EQ(outcome_of(words).status, kExitDone) << "its own output is replaced";
+  }
+  const std::string points = "# points\n1 0.5 0.5 1 10 20 30 0.1 1 2\n";
+  const std::string images = read_file(model / "images.txt") + "# of another program\n";
+  replace_file(model / "points3D.txt", points);
+  replace_file(model / "images.txt", images);
+  EXPECT_THAT(error_of_command(words),
+              testing::HasSubstr("points3D.txt: has the points of another model"));
+  EXPECT_EQ(read_file(model / "points3D.txt"), points);
+  EXPECT_EQ(read_file(model / "images.txt"), images);
 }
 
 TEST(ConvertedCalibration, that_no_command_could_read_is_rejected_and_keeps_the_file) {

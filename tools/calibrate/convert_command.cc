@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <sstream>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -53,7 +54,7 @@ Rig load_rig(const RigFile& file);
 ///
 /// For opencv and colmap, `path` is a folder, which is created where needed; for opencv it may be a
 /// file where the rig has one camera. Throws InputError for a rig that the format does not support,
-/// before anything is written.
+/// and for a folder whose points3D.txt has points, before anything is written.
 std::vector<std::filesystem::path> save_rig(const std::filesystem::path& path, RigFormat format,
                                             const Rig& rig);
 
@@ -269,11 +270,24 @@ NamedTexts opencv_texts(const fs::path& path, RigFormat format, const Rig& rig) 
   return texts;
 }
 
+/// True where a text of COLMAP has a line that is no comment.
+bool has_entries(const std::string& text) {
+  std::istringstream in(text);
+  for (std::string line; std::getline(in, line);) {
+    if (!line.empty() && line.front() != '#') return true;
+  }
+  return false;
+}
+
 NamedTexts colmap_texts(const fs::path& folder, const Rig& rig) {
+  const fs::path points = folder / "points3D.txt";
+  if (fs::exists(points) && has_entries(read_file(points))) {
+    throw InputError(points.string() + ": has the points of another model; use another folder");
+  }
   calib::ColmapText text = calib::colmap_text(rig);
   return {{folder / "cameras.txt", std::move(text.cameras)},
           {folder / "images.txt", std::move(text.images)},
-          {folder / "points3D.txt", "# none; COLMAP requires the file\n"}};
+          {points, "# none; COLMAP requires the file\n"}};
 }
 
 NamedTexts texts_of(const fs::path& path, RigFormat format, const Rig& rig) {
