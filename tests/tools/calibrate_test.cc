@@ -398,6 +398,15 @@ TEST_F(CalibrationOutputs, of_colours_are_rejected_for_an_option_that_the_compar
   EXPECT_EQ(read_file(calib_), before);
 }
 
+TEST_F(CalibrationOutputs, of_a_refined_rig_need_two_cameras) {
+  const std::string single = (folder_ / "single.toml").string();
+  save_calib(single, test::small_rig(1));
+  const std::string error =
+      error_of_command({"refine", "--take", absent_, "--calib", single, "--out", calib_});
+  EXPECT_THAT(error, testing::HasSubstr("single.toml: has one camera"));
+  EXPECT_THAT(error, testing::Not(testing::HasSubstr("--bounds")));
+}
+
 TEST(ConvertedCalibration, for_colmap_keeps_the_points_of_another_model) {
   const test::TemporaryFolder folder;
   const std::filesystem::path model = folder / "sparse";

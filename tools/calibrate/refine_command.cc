@@ -28,13 +28,19 @@ struct Arguments {
   bool json = false;
 };
 
+/// The file of the rig that is refined.
+std::filesystem::path calib_path(const Arguments& arguments) {
+  return arguments.calib.empty() ? take::TakePaths{arguments.take}.calib()
+                                 : std::filesystem::path(arguments.calib);
+}
+
 /// Silhouettes of all cameras from frames spread over a take. They are clipped to the common view
 /// of the cameras, and specks are removed.
 class Silhouettes {
  public:
   Silhouettes(const Arguments& arguments, const Rig& rig) : take_(arguments.take, {}), rig_(rig) {
     require_common_cameras(arguments.calib);
-    const Box space = space_of(arguments.take);
+    const Box space = space_of(arguments);
     for (const RigCamera& camera : rig) views_.push_back(recon::bounds_mask(space, camera.model));
     const std::vector<int64_t> pulses = take_.pulses();
     const size_t count = std::min<size_t>(static_cast<size_t>(arguments.instants), pulses.size());
@@ -74,10 +80,17 @@ class Silhouettes {
   }
 
   /// The space of the take's studio file; without one, what the cameras see in common.
-  Box space_of(const std::string& take) const {
-    const std::optional<Studio> studio = take::load_take_studio({take});
+  /// Throws InputError where they see no space in common.
+  Box space_of(const Arguments& arguments) const {
+    const std::optional<Studio> studio = take::load_take_studio({arguments.take});
     if (studio) return studio->space.bounds;
-    return ctl::default_bounds(rig_, ctl::default_min_views(static_cast<int>(rig_.size())));
+    try {
+      return ctl::default_bounds(rig_, ctl::default_min_views(static_cast<int>(rig_.size())));
+    } catch (const InputError&) {  // its text is about options of other commands
+      throw InputError(calib_path(arguments).string() +
+                       ": its cameras see no space in common, and the take has no studio file with "
+                       "[space]; check the calibration");
+    }
   }
 
   void read(int64_t pulse) {
@@ -144,6 +157,10 @@ int run(const Arguments& arguments) {
   ctl::check_output({"--out", arguments.out});
   const Rig rig = arguments.calib.empty() ? take::load_take_calib({arguments.take})
                                           : load_calib(arguments.calib);
+  if (rig.size() < 2) {
+    throw InputError(calib_path(arguments).string() +
+                     ": has one camera; refine compares silhouettes of at least two");
+  }
   ctl::catch_interrupts();
   const Silhouettes silhouettes(arguments, rig);
   const calib::RefineResult result =
