@@ -31,6 +31,17 @@ TEST(Progress, prints_a_line_for_every_tenth_when_there_is_no_terminal) {
   EXPECT_EQ(text.find('\r'), std::string::npos);
 }
 
+TEST(Progress, counts_in_the_unit_of_the_work) {
+  testing::internal::CaptureStderr();
+  {
+    Progress progress("choose cameras", 3, "cameras");
+    for (int i = 0; i < 3; ++i) progress.advance();
+  }
+  const std::string text = testing::internal::GetCapturedStderr();
+  EXPECT_NE(text.find("choose cameras 3 of 3 cameras\n"), std::string::npos) << text;
+  EXPECT_EQ(text.find("frames"), std::string::npos) << text;
+}
+
 TEST(Interrupts, include_the_end_of_the_terminal) {
   EXPECT_EXIT(
       {

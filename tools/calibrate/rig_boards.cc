@@ -244,7 +244,7 @@ std::vector<CameraObservations> search_at(const std::vector<FloorCamera>& camera
 std::vector<CameraObservations> search_everywhere(const std::vector<FloorCamera>& cameras,
                                                   const BoardDetector& detector) {
   std::vector<CameraObservations> observed;
-  Progress progress("searching the board", std::ssize(cameras));
+  Progress progress("searching the board", std::ssize(cameras), "cameras");
   for (const FloorCamera& camera : cameras) {
     ctl::stop_if_interrupted();
     progress.advance();

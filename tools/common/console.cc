@@ -41,8 +41,8 @@ void StatusLine::show(const std::string& text) {
   shown_at_ = now;
 }
 
-Progress::Progress(std::string what, int64_t total)
-    : what_(std::move(what)), total_(total), terminal_(on_terminal()) {}
+Progress::Progress(std::string what, int64_t total, std::string unit)
+    : what_(std::move(what)), total_(total), unit_(std::move(unit)), terminal_(on_terminal()) {}
 
 Progress::~Progress() {
   if (!terminal_ || !drawn_) return;
@@ -76,7 +76,7 @@ void Progress::draw() {
 
 std::string Progress::text() const {
   const std::string of = total_ > 0 ? " of " + format_count(total_) : "";
-  return what_ + " " + format_count(done_) + of + " frames";
+  return what_ + " " + format_count(done_) + of + " " + unit_;
 }
 
 std::string progress_bar(int64_t done, int64_t total, int width) {

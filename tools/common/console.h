@@ -39,8 +39,9 @@ class StatusLine {
 /// The destructor ends the line. One thread.
 class Progress {
  public:
-  /// `what`: name of the work. `total`: number of steps; 0: unknown.
-  Progress(std::string what, int64_t total);
+  /// `what`: name of the work. `total`: number of steps; 0: unknown. `unit`: what a step is, in the
+  /// plural.
+  Progress(std::string what, int64_t total, std::string unit = "frames");
   ~Progress();
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
@@ -54,6 +55,7 @@ class Progress {
 
   std::string what_;
   int64_t total_;
+  std::string unit_;
   int64_t done_ = 0;
   int64_t printed_ = 0;
   bool terminal_;

@@ -257,7 +257,7 @@ int run(const Arguments& arguments) {
   const std::vector<CameraModel> fixed = models_of(request.fixed);
   CameraPlacement placement;
   {
-    Progress progress("choose cameras", arguments.cameras - std::ssize(fixed));
+    Progress progress("choose cameras", arguments.cameras - std::ssize(fixed), "cameras");
     placement =
         place_cameras(request.space, action, fixed, request.placement, [&] { progress.advance(); });
   }
