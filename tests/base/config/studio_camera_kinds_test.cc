@@ -41,14 +41,18 @@ Studio studio_of(const std::string& defaults, const std::string& own) {
       "studio.toml");
 }
 
+std::string error_of_table(const std::string& own) {
+  return test::message_of<InputError>([&] { studio_of("", own); });
+}
+
 TEST(CameraKinds, have_no_settings_of_another_kind_in_the_table_of_a_camera) {
   for (const auto& [field, line] : kOnlyAravis) {
-    EXPECT_THAT(test::message_of<InputError>([&] { studio_of("", kV4l2Camera + line); }),
+    EXPECT_THAT(error_of_table(kV4l2Camera + line),
                 HasSubstr("camera." + field + ": a V4L2 camera has no such setting"));
     EXPECT_EQ(studio_of("", line).cameras.size(), 1U) << field;
   }
   for (const auto& [field, line] : kOnlyV4l2) {
-    EXPECT_THAT(test::message_of<InputError>([&] { studio_of("", line); }),
+    EXPECT_THAT(error_of_table(line),
                 HasSubstr("camera." + field + ": only a V4L2 camera has this setting"));
     EXPECT_EQ(studio_of("", kV4l2Camera + line).cameras.size(), 1U) << field;
   }
