@@ -1,5 +1,5 @@
 // Fault injection for the disk of a daemon, preloaded with LD_PRELOAD. While the file $V3D_BAD_DISK
-// exists, it selects a fault of all event logs:
+// exists, it selects a fault of the event logs, or of the disk:
 //   slow N    every write takes N milliseconds
 //   broken    every write fails (EIO)
 //   full      each log of frames takes 100 bytes more, other files of a take none while it has a
@@ -74,17 +74,18 @@ bool needs_reserved_space(int fd) {
 extern "C" ssize_t pwritev(int fd, const iovec* parts, int count, off_t offset) {
   static auto* const next = real<ssize_t(int, const iovec*, int, off_t)>("pwritev");
   const std::string log = event_log(fd);
-  const DiskFault fault = log.empty() ? DiskFault() : disk_fault();
+  const DiskFault fault = disk_fault();
+  const bool is_full = fault.name == "full";
+  if (log.empty() && !(is_full && needs_reserved_space(fd))) return next(fd, parts, count, offset);
   const timespec pause{0, fault.milliseconds * 1'000'000};
   nanosleep(&pause, nullptr);
-  const bool is_frame_log = !log.empty() && !log.ends_with("/pulses.lcmlog");
-  if (disk_fault().name == "full" && (is_frame_log || (log.empty() && needs_reserved_space(fd)))) {
-    if (is_frame_log && is_first_of(fd)) return pwrite(fd, parts[0].iov_base, 100, offset);
+  const bool is_pulse_log = log.ends_with("/pulses.lcmlog");
+  if (is_full && !is_pulse_log) {
+    if (!log.empty() && is_first_of(fd)) return pwrite(fd, parts[0].iov_base, 100, offset);
     errno = ENOSPC;
     return -1;
   }
-  const bool fails =
-      fault.name == "broken" || (fault.name == "pulses" && log.ends_with("/pulses.lcmlog"));
+  const bool fails = fault.name == "broken" || (fault.name == "pulses" && is_pulse_log);
   if (!fails) return next(fd, parts, count, offset);
   errno = EIO;
   return -1;
