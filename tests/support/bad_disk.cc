@@ -3,7 +3,7 @@
 //   slow N    every write takes N milliseconds
 //   broken    every write fails (EIO)
 //   full      each log of frames takes 100 bytes more, other files of a take none while it has a
-//             file .reserve (ENOSPC)
+//             file .reserve (ENOSPC). Meshes are on another disk.
 //   pulses    every write to the pulse log fails (EIO)
 //   forgets   writes succeed, and fsync() fails (EIO)
 #include <dlfcn.h>
@@ -64,9 +64,10 @@ bool is_first_of(int fd) {
   return known.insert(fd).second;
 }
 
-/// Is this a file of a take that has its reserved space?
+/// Is this a file of a take that has its reserved space, and not its meshes?
 bool needs_reserved_space(int fd) {
-  return std::filesystem::exists(std::filesystem::path(path_of(fd)).parent_path() / ".reserve");
+  const std::filesystem::path file = path_of(fd);
+  return file.filename() != "mesh.v3d" && std::filesystem::exists(file.parent_path() / ".reserve");
 }
 
 }  // namespace
