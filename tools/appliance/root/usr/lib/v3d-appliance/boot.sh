@@ -24,6 +24,14 @@ mount_data() {
   mount -t tmpfs -o "ro,mode=0775,uid=${user:-0},gid=${group:-0}" tmpfs "$data/v3d"
 }
 
+# set_system_aside: renames the folder of this PC's changes to the first free name of system.before, system.before2, ... Each of them
+# may have the only copy of a key.
+set_system_aside() {
+  number=''
+  while [ -e "$data/system.before$number" ]; do number=$((${number:-1} + 1)); done
+  mv "$data/system" "$data/system.before$number"
+}
+
 # layer NAME: mounts the changes of /NAME over it.
 layer() {
   changes=$data/system/$1
