@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -299,6 +300,20 @@ TEST(Doctor, measures_the_disk_and_removes_its_file) {
   EXPECT_EQ(check_disk_speed(folder.path(), 1).verdict, Verdict::kGood);
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
   EXPECT_EQ(check_disk_speed("/not/there", 1).verdict, Verdict::kUnknown);
+}
+
+TEST(Doctor, names_a_disk_that_cannot_be_written_as_a_fault) {
+  for (const int code : {EROFS, EIO, ENOSPC, EDQUOT}) {
+    const Finding finding = judge_disk_error({.code = code, .message = "cannot create x"});
+    EXPECT_EQ(finding.verdict, Verdict::kBad) << code;
+    EXPECT_EQ(finding.text, "cannot create x");
+    EXPECT_THAT(finding.remedy, HasSubstr("cannot be written"));
+  }
+  for (const int code : {EACCES, EPERM}) {
+    const Finding finding = judge_disk_error({.code = code, .message = "cannot create x"});
+    EXPECT_EQ(finding.verdict, Verdict::kUnknown) << code;
+    EXPECT_THAT(finding.remedy, HasSubstr("group v3d"));
+  }
 }
 
 TEST(Doctor, checks_the_memory_of_usb_only_with_usb_cameras) {

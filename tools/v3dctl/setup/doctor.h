@@ -10,6 +10,7 @@
 
 #include "base/config/studio_file.h"
 #include "base/core/time.h"
+#include "base/io/file.h"
 #include "wire/messages.h"
 
 namespace v3d::ctl {
@@ -83,6 +84,9 @@ Finding check_disk(const std::string& path);
 /// Write rate, measured with a temporary file in `folder`. `needed`: bytes per second.
 Finding check_disk_speed(const std::filesystem::path& folder, double needed);
 Finding judge_disk_speed(double bytes_per_second, double needed);
+/// For a file that could not be written: kUnknown where this user may not write or the folder is
+/// missing, otherwise kBad.
+Finding judge_disk_error(const io::IoError& error);
 /// Permission to use real-time priorities. `limit`: RLIMIT_RTPRIO of this user.
 Finding check_realtime(unsigned long limit, bool root);
 /// `mb`: usbcore.usbfs_memory_mb, the limit of all USB cameras together; -1 without USB.

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
 #include <fstream>
 #include <thread>
@@ -115,9 +116,19 @@ Finding check_disk_speed(const std::filesystem::path& folder, double needed) {
   const std::filesystem::path file =
       folder / (".v3dctl-doctor." + std::to_string(getpid()) + ".tmp");
   const auto speed = measure_writes(file);
-  if (speed) return judge_disk_speed(*speed, needed);
-  return {Verdict::kUnknown, "disk speed", speed.error().message,
-          "run v3dctl doctor as a member of the group v3d, or as root"};
+  return speed ? judge_disk_speed(*speed, needed) : judge_disk_error(speed.error());
+}
+
+Finding judge_disk_error(const io::IoError& error) {
+  // check_disk() reports a missing folder.
+  const bool is_missing = error.code == ENOENT || error.code == ENOTDIR;
+  if (is_missing || error.code == EACCES || error.code == EPERM) {
+    return {Verdict::kUnknown, "disk speed", error.message,
+            "run v3dctl doctor as a member of the group v3d, or as root"};
+  }
+  return {Verdict::kBad, "disk speed", error.message,
+          "the disk cannot be written: dmesg shows its errors, df and df -i whether it is full; "
+          "check or replace it"};
 }
 
 Finding check_usb_memory(long mb, bool has_usb_cameras) {
