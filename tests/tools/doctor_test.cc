@@ -13,6 +13,7 @@
 #include <fstream>
 #include <thread>
 
+#include "base/config/calib_file.h"
 #include "support/child_process.h"
 #include "support/temporary_folder.h"
 #include "wire/member_list.h"
@@ -290,16 +291,74 @@ TEST(Doctor, reports_a_clock_without_the_time_scale_of_scheduled_action_commands
 }
 
 TEST(Doctor, requires_a_disk_with_the_data_rate_of_the_cameras) {
-  EXPECT_EQ(judge_disk_speed(500e6, 295e6).verdict, Verdict::kGood);
-  EXPECT_EQ(judge_disk_speed(200e6, 295e6).verdict, Verdict::kBad);
-  EXPECT_EQ(judge_disk_speed(200e6, 0).verdict, Verdict::kGood) << "an unknown data rate";
+  EXPECT_EQ(judge_disk_speed(500e6, 295e6, true).verdict, Verdict::kGood);
+  EXPECT_EQ(judge_disk_speed(200e6, 295e6, true).verdict, Verdict::kBad);
+  EXPECT_EQ(judge_disk_speed(200e6, 0, true).verdict, Verdict::kGood) << "an unknown data rate";
+}
+
+/// A calibrated camera of 200 x 100 pixels.
+RigCamera calibrated(const std::string& name) {
+  const Eigen::Matrix3d intrinsics = Eigen::Vector3d(200, 200, 1).asDiagonal();
+  return {.name = name, .model = {{200, 100}, intrinsics, {}, {}}};
+}
+
+/// A camera with 8 bits a pixel.
+StudioCamera camera_of(const std::string& node, const std::string& name) {
+  StudioCamera camera;
+  camera.node = node;
+  camera.name = name;
+  return camera;
+}
+
+TEST(Doctor, compares_the_disk_of_a_pc_with_the_cameras_of_one_node) {
+  const test::TemporaryFolder folder;
+  Studio studio;
+  studio.storage.calib = folder / "calib.toml";
+  studio.storage.takes = folder.path();
+  studio.trigger.rate_hz = 25;
+  studio.nodes = {{.name = "cap01"}, {.name = "cap02"}, {.name = "recon"}};
+  studio.cameras = {camera_of("cap01", "a"), camera_of("cap02", "b"), camera_of("cap02", "c")};
+  const double frame = 200 * 100;
+  EXPECT_EQ(needed_disk_speed(studio, ""), 0) << "there is no calibration";
+  save_calib(studio.storage.calib, {calibrated("a"), calibrated("b"), calibrated("c")});
+  EXPECT_EQ(needed_disk_speed(studio, "cap01"), 25 * frame);
+  EXPECT_EQ(needed_disk_speed(studio, "cap02"), 25 * 2 * frame);
+  EXPECT_EQ(needed_disk_speed(studio, "recon"), 0);
+  EXPECT_EQ(needed_disk_speed(studio, ""), 25 * 2 * frame) << "no disk gets all frames";
+  const Finding slow = judge_disk_speed(1000, 25 * 2 * frame, false);
+  EXPECT_EQ(slow.verdict, Verdict::kUnknown) << "this may be no PC with cameras";
+  EXPECT_THAT(slow.remedy, HasSubstr("v3dctl doctor NODE"));
+  EXPECT_EQ(judge_disk_speed(1e9, 25 * 2 * frame, false).verdict, Verdict::kGood);
+}
+
+/// The finding about the speed of the disk, whose cameras send more than any disk writes.
+Finding speed_for_fast_cameras(Studio studio, const std::string& node) {
+  const test::TemporaryFolder folder;
+  studio.storage.calib = folder / "calib.toml";
+  studio.storage.takes = folder.path();
+  studio.trigger.rate_hz = 1e12;
+  Rig rig;
+  for (const StudioCamera& camera : studio.cameras) rig.push_back(calibrated(camera.name));
+  save_calib(studio.storage.calib, rig);
+  const auto findings = check_machine(studio, node);
+  return *std::ranges::find(findings, "disk speed", &Finding::subject);
+}
+
+TEST(Doctor, judges_the_disk_without_a_node_only_where_one_node_has_cameras) {
+  Studio studio;
+  studio.nodes = {{.name = "cap01"}, {.name = "cap02"}};
+  studio.cameras = {camera_of("cap01", "a"), camera_of("cap02", "b")};
+  EXPECT_EQ(speed_for_fast_cameras(studio, "").verdict, Verdict::kUnknown);
+  EXPECT_EQ(speed_for_fast_cameras(studio, "cap02").verdict, Verdict::kBad);
+  studio.cameras.pop_back();
+  EXPECT_EQ(speed_for_fast_cameras(studio, "").verdict, Verdict::kBad);
 }
 
 TEST(Doctor, measures_the_disk_and_removes_its_file) {
   const test::TemporaryFolder folder;
-  EXPECT_EQ(check_disk_speed(folder.path(), 1).verdict, Verdict::kGood);
+  EXPECT_EQ(check_disk_speed(folder.path(), 1, true).verdict, Verdict::kGood);
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
-  EXPECT_EQ(check_disk_speed("/not/there", 1).verdict, Verdict::kUnknown);
+  EXPECT_EQ(check_disk_speed("/not/there", 1, true).verdict, Verdict::kUnknown);
 }
 
 TEST(Doctor, names_a_disk_that_cannot_be_written_as_a_fault) {

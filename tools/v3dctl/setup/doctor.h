@@ -77,13 +77,19 @@ std::vector<Finding> check_ptp_scale(const StudioTrigger& trigger);
 
 // --- disk, memory and priorities: doctor_machine.cc
 
-/// All checks of this kind, for these cameras. Writes to the disk of the takes for about 1 s.
-std::vector<Finding> check_machine(const Studio& studio, const std::vector<StudioCamera>& cameras);
+/// All checks of this kind, for the cameras of `node`, which is this PC; empty: for those of all
+/// nodes, where a disk that is too slow for one of them may be that of another PC. Writes to the
+/// disk of the takes for about 1 s.
+std::vector<Finding> check_machine(const Studio& studio, const std::string& node);
 /// Free space of the folder of takes.
 Finding check_disk(const std::string& path);
-/// Write rate, measured with a temporary file in `folder`. `needed`: bytes per second.
-Finding check_disk_speed(const std::filesystem::path& folder, double needed);
-Finding judge_disk_speed(double bytes_per_second, double needed);
+/// Data rate of the cameras of `node` by their calibrated image sizes, bytes per second; 0 when
+/// these are unknown. Empty `node`: the largest rate of any one node.
+double needed_disk_speed(const Studio& studio, const std::string& node);
+/// Write rate, measured with a temporary file in `folder`. `needed`: bytes per second. `is_here`:
+/// the cameras that need it are those of this PC. Otherwise a slower disk is kUnknown.
+Finding check_disk_speed(const std::filesystem::path& folder, double needed, bool is_here);
+Finding judge_disk_speed(double bytes_per_second, double needed, bool is_here);
 /// For a file that could not be written: kUnknown where this user may not write or the folder is
 /// missing, otherwise kBad.
 Finding judge_disk_error(const io::IoError& error);

@@ -70,7 +70,7 @@ std::vector<Finding> check_all(const Studio& studio, const std::string& node) {
   const std::vector<Finding> sounds = check_sound_devices(studio, node);
   findings.insert(findings.end(), sounds.begin(), sounds.end());
   if (const auto lights = check_lights(studio, node)) findings.push_back(*lights);
-  for (const auto& more : {check_machine(studio, cameras), examine_keys(studio)}) {
+  for (const auto& more : {check_machine(studio, node), examine_keys(studio)}) {
     findings.insert(findings.end(), more.begin(), more.end());
   }
   if (node.empty() || node == studio.trigger.node) {

@@ -37,22 +37,24 @@ long read_number(const std::filesystem::path& path) {
   return number;
 }
 
-/// Data rate of the cameras by their calibrated image sizes; 0 when these are unknown.
-double data_rate(const Studio& studio, const std::vector<StudioCamera>& cameras) {
-  try {
-    const Rig rig = load_calib(studio.storage.calib);
-    double bytes = 0;
-    for (const StudioCamera& camera : cameras) {
-      const int index = find_camera(rig, camera.name);
-      if (index < 0) continue;
-      const ImageSize size = rig[static_cast<size_t>(index)].model.size();
-      bytes +=
-          static_cast<double>(byte_count(size, camera.pixel_format.image)) * studio.trigger.rate_hz;
-    }
-    return bytes;
-  } catch (const InputError&) {
-    return 0;
+/// Bytes of one frame of each camera that is calibrated.
+double frame_bytes(const Rig& rig, const std::vector<StudioCamera>& cameras) {
+  double bytes = 0;
+  for (const StudioCamera& camera : cameras) {
+    const int index = find_camera(rig, camera.name);
+    if (index < 0) continue;
+    const ImageSize size = rig[static_cast<size_t>(index)].model.size();
+    bytes += static_cast<double>(byte_count(size, camera.pixel_format.image));
   }
+  return bytes;
+}
+
+/// Whether the cameras of `node` are those of this PC. Without `node`, only in a studio where one
+/// node has cameras.
+bool has_cameras_here(const Studio& studio, const std::string& node) {
+  return !node.empty() || std::ranges::count_if(studio.nodes, [&](const StudioNode& each) {
+                            return !studio.cameras_of(each.name).empty();
+                          }) <= 1;
 }
 
 /// Writes some blocks behind the first `bytes` of the file, and waits for the disk.
@@ -103,20 +105,39 @@ Finding check_realtime(unsigned long limit, bool root) {
           "/etc/security/limits.d/v3d.conf"};
 }
 
-Finding judge_disk_speed(double bytes_per_second, double needed) {
+double needed_disk_speed(const Studio& studio, const std::string& node) {
+  try {
+    const Rig rig = load_calib(studio.storage.calib);
+    double bytes = 0;
+    for (const StudioNode& each : studio.nodes) {
+      if (!node.empty() && each.name != node) continue;
+      bytes = std::max(bytes, frame_bytes(rig, studio.cameras_of(each.name)));
+    }
+    return bytes * studio.trigger.rate_hz;
+  } catch (const InputError&) {
+    return 0;
+  }
+}
+
+Finding judge_disk_speed(double bytes_per_second, double needed, bool is_here) {
   const std::string speed = format_bytes(bytes_per_second) + "/s are written to the disk";
   if (needed <= 0) return {Verdict::kGood, "disk speed", speed, ""};
-  const std::string text = speed + "; the cameras send " + format_bytes(needed) + "/s";
+  const std::string text = speed + "; the cameras " + (is_here ? "" : "of a node ") + "send " +
+                           format_bytes(needed) + "/s";
   if (bytes_per_second >= needed) return {Verdict::kGood, "disk speed", text, ""};
+  if (!is_here) {
+    return {Verdict::kUnknown, "disk speed", text,
+            "it matters on a PC with cameras: v3dctl doctor NODE, with the name of its node"};
+  }
   return {Verdict::kBad, "disk speed", text,
           "a faster disk for takes under [storage], fewer cameras on this PC, or a lower rate"};
 }
 
-Finding check_disk_speed(const std::filesystem::path& folder, double needed) {
+Finding check_disk_speed(const std::filesystem::path& folder, double needed, bool is_here) {
   const std::filesystem::path file =
       folder / (".v3dctl-doctor." + std::to_string(getpid()) + ".tmp");
   const auto speed = measure_writes(file);
-  return speed ? judge_disk_speed(*speed, needed) : judge_disk_error(speed.error());
+  return speed ? judge_disk_speed(*speed, needed, is_here) : judge_disk_error(speed.error());
 }
 
 Finding judge_disk_error(const io::IoError& error) {
@@ -143,7 +164,8 @@ Finding check_usb_memory(long mb, bool has_usb_cameras) {
           "usbcore.usbfs_memory_mb=1000 on the kernel's command line"};
 }
 
-std::vector<Finding> check_machine(const Studio& studio, const std::vector<StudioCamera>& cameras) {
+std::vector<Finding> check_machine(const Studio& studio, const std::string& node) {
+  const std::vector<StudioCamera> cameras = node.empty() ? studio.cameras : studio.cameras_of(node);
   rlimit realtime{};
   getrlimit(RLIMIT_RTPRIO, &realtime);
   // A camera without an IP address may be a USB camera.
@@ -152,7 +174,8 @@ std::vector<Finding> check_machine(const Studio& studio, const std::vector<Studi
         return camera.kind == CameraKind::kAravis && source_address_to(camera.address) == 0;
       });
   return {check_disk(studio.storage.takes),
-          check_disk_speed(studio.storage.takes, data_rate(studio, cameras)),
+          check_disk_speed(studio.storage.takes, needed_disk_speed(studio, node),
+                           has_cameras_here(studio, node)),
           check_realtime(realtime.rlim_cur, geteuid() == 0),
           check_usb_memory(read_number("/sys/module/usbcore/parameters/usbfs_memory_mb"),
                            has_usb_cameras)};
