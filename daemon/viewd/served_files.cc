@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <utility>
 
 #include "base/core/error.h"
 #include "base/core/text.h"
+#include "base/io/file.h"
 #include "take/logs/log_files.h"
 
 namespace v3d::viewd {
@@ -59,9 +61,10 @@ constexpr const char* kScene = "scene.json";
 constexpr std::array<std::string_view, 8> kShown{".glb", ".gltf", ".bin", ".png",
                                                  ".jpg", ".jpeg", ".mp4", ".webm"};
 
-bool has_scene(const fs::path& folder) {
-  std::error_code error;
-  return fs::is_regular_file(fs::symlink_status(folder / kScene, error));
+io::Result<bool> has_scene(const fs::path& folder) {
+  return io::entry_type_of(folder / kScene).map([](fs::file_type type) {
+    return type == fs::file_type::regular;
+  });
 }
 
 }  // namespace
@@ -71,7 +74,7 @@ std::vector<std::string> find_scenes(const fs::path& takes) {
   std::error_code error;
   for (const fs::directory_entry& entry : fs::directory_iterator(takes, error)) {
     const std::string name = entry.path().filename();
-    if (is_file_name(name) && has_scene(entry.path())) scenes.push_back(name);
+    if (is_file_name(name) && has_scene(entry.path()).value_or(false)) scenes.push_back(name);
   }
   std::sort(scenes.begin(), scenes.end());
   return scenes;
@@ -80,7 +83,7 @@ std::vector<std::string> find_scenes(const fs::path& takes) {
 bool is_of_scene(const fs::path& folder, const std::string& file) {
   const std::string ending = fs::path(file).extension();
   const bool shown = file == kScene || std::ranges::find(kShown, ending) != kShown.end();
-  return is_file_name(file) && shown && has_scene(folder);
+  return is_file_name(file) && shown && io::value_or_throw(has_scene(folder));
 }
 
 FileStamp stamp_of(const struct stat& state) {
@@ -110,6 +113,12 @@ std::optional<FileStamp> stamp_of_log(const std::filesystem::path& log) {
     sum->changed_ns = std::max(sum->changed_ns, segment->changed_ns);
   }
   return sum;
+}
+
+void throw_if_unreadable(const fs::path& folder) {
+  const auto entries = io::list_folder(folder);
+  if (entries || entries.error().code == ENOENT || entries.error().code == ENOTDIR) return;
+  io::throw_input_error(entries.error());
 }
 
 std::string tag_of(const FileStamp& stamp) {

@@ -31,7 +31,7 @@ std::map<std::string, PageFile> find_page_files(const std::filesystem::path& fol
 std::vector<std::string> find_scenes(const std::filesystem::path& takes);
 
 /// Is `file` in `folder` the scene, or a model, image or video by its extension? False for a folder
-/// without a scene.
+/// without a scene. Throws InputError if it is unknown whether the scene exists.
 bool is_of_scene(const std::filesystem::path& folder, const std::string& file);
 
 /// Identity of the content of a file, for caches and ETags.
@@ -48,6 +48,11 @@ std::optional<FileStamp> stamp_of(const std::filesystem::path& path);
 /// The stamp of all segments of an event log: inode of the first, total size, latest modification.
 /// Empty if there is none, or if one is not a regular file.
 std::optional<FileStamp> stamp_of_log(const std::filesystem::path& log);
+
+/// Throws InputError with path and cause if the folder cannot be read, as when the disk has failed
+/// or no descriptor is free: then it is unknown what it contains. A missing folder is known to be
+/// empty.
+void throw_if_unreadable(const std::filesystem::path& folder);
 
 /// The ETag of HTTP, with quotation marks.
 std::string tag_of(const FileStamp& stamp);

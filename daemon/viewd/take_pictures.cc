@@ -25,6 +25,12 @@ std::optional<int64_t> parse_pulse(const std::string& text) {
   return pulse;
 }
 
+/// 404 with `text` for something that the take lacks. Throws InputError if that is unknown.
+web::WebResponse absent_response(const std::filesystem::path& take, const std::string& text) {
+  throw_if_unreadable(take);
+  return web::plain_response(404, text);
+}
+
 /// 304 if the browser has the content with this ETag, else the response of `make`.
 template <class Make>
 web::WebResponse tagged_response(const web::WebRequest& request, const std::string& tag,
@@ -98,7 +104,7 @@ web::WebResponse TakePictures::photograph(const web::WebRequest& request, const 
       [request, all = photographs_, folder = takes_ / take, take, camera, pulse = *pulse] {
         const auto log = stamp_of_log(take::TakePaths{folder}.frames(camera));
         if (!log)
-          return web::plain_response(404, "there are no frames of this camera in such a take");
+          return absent_response(folder, "there are no frames of this camera in such a take");
         return tagged_response(request, tag_of(*log),
                                [&] { return jpeg_response(all->read(take, pulse, camera)); });
       });
@@ -110,11 +116,12 @@ web::WebResponse TakePictures::thumbnail(const web::WebRequest& request,
   return deferred_response(
       web::WorkKind::kThumbnail, [request, all = photographs_, folder = takes_ / take, take] {
         const take::TakePaths paths{folder};
+        if (!stamp_of(paths.info())) return absent_response(folder, "there is no such take");
         const auto cameras = load_take_info(paths).cameras;
         const auto first = std::ranges::find_if(cameras, [&](const std::string& camera) {
           return stamp_of_log(paths.frames(camera)).has_value();
         });
-        if (first == cameras.end()) return web::plain_response(404, "this take has no raw frames");
+        if (first == cameras.end()) return absent_response(folder, "this take has no raw frames");
         return tagged_response(request, tag_of(*stamp_of_log(paths.frames(*first))),
                                [&] { return jpeg_response(all->thumbnail(take, *first)); });
       });
@@ -127,7 +134,7 @@ web::WebResponse TakePictures::views(const web::WebRequest& request, const std::
   return picture_response([request, all = views_, folder = takes_ / take, take, pulse = *pulse] {
     const auto tag = TakeViews::tag(folder);
     if (!tag)
-      return web::plain_response(404, "there is no such take, or its raw frames are not here");
+      return absent_response(folder, "there is no such take, or its raw frames are not here");
     return tagged_response(request, *tag, [&] { return views_response(*all, take, pulse); });
   });
 }

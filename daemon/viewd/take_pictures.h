@@ -162,15 +162,16 @@ class TakeViews {
 
 // Converts exceptions into HTTP responses.
 
-/// The response of `make`; 404 if it throws InputError, 500 for other exceptions. The text of the
-/// exception, which may contain paths, is only logged.
+/// The response of `make`; 500 if it throws. The text of the exception, which may contain paths, is
+/// only logged. InputError means a file that is damaged or cannot be read. It is not 404, which the
+/// page takes for something that does not exist.
 template <class Make>
 web::WebResponse guarded_response(const Make& make) {
   try {
     return make();
   } catch (const InputError& error) {
     spdlog::warn("{}", error.what());
-    return web::plain_response(404, "not found or not readable; see the log of v3d-viewd");
+    return web::plain_response(500, "a file cannot be read; see the log of v3d-viewd");
   } catch (const std::exception& error) {
     spdlog::error("{}", error.what());
     return web::plain_response(500, "internal error; see the log of v3d-viewd");

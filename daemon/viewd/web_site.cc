@@ -16,6 +16,7 @@
 #include "base/core/error.h"
 #include "base/core/text.h"
 #include "base/core/time.h"
+#include "base/io/file.h"
 #include "base/io/unique_fd.h"
 #include "daemon/control/reply_json.h"
 #include "daemon/viewd/served_files.h"
@@ -28,10 +29,15 @@
 namespace v3d::viewd {
 namespace {
 
-/// The response where a file cannot be opened, by errno: 503 when a later attempt may succeed.
-web::WebResponse unopened_response(int error) {
-  if (error != EMFILE && error != ENFILE && error != ENOMEM) {
+/// The response where a file cannot be opened, by errno: 404 only when there is no such file or it
+/// is a link or a socket, 503 when a later attempt may succeed. Throws InputError for other errors.
+web::WebResponse unopened_response(int error, const std::filesystem::path& path) {
+  if (error == ENOENT || error == ENOTDIR || error == ELOOP || error == ENXIO) {
     return web::plain_response(404, "there is no such file");
+  }
+  if (error != EMFILE && error != ENFILE && error != ENOMEM) {
+    errno = error;
+    throw InputError(errno_message(path.string()));
   }
   web::WebResponse response = web::plain_response(503, "too many open files; try again");
   response.fields = {{"Retry-After", "1"}};
@@ -43,11 +49,11 @@ web::WebResponse file_response(const web::WebRequest& request, const std::filesy
                                web::WorkKind kind) {
   io::UniqueFd opened(io::uninterrupted(
       [&] { return ::open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK); }));
-  if (!opened) return unopened_response(errno);
+  if (!opened) return unopened_response(errno, path);
   const auto file = std::make_shared<const io::UniqueFd>(std::move(opened));
   struct stat state {};
-  if (fstat(file->get(), &state) != 0 || !S_ISREG(state.st_mode))
-    return web::plain_response(404, "not a regular file");
+  if (fstat(file->get(), &state) != 0) return unopened_response(errno, path);
+  if (!S_ISREG(state.st_mode)) return web::plain_response(404, "not a regular file");
   web::WebResponse response{.type = content_type(path)};
   const std::string tag = tag_of(stamp_of(state));
   response.fields = {{"ETag", tag}, {"Accept-Ranges", "bytes"}};
@@ -89,8 +95,15 @@ web::WebResponse page_response(const web::WebRequest& request, const web::WebTar
   });
 }
 
-web::WebResponse rig_response(std::function<Rig()> load) {
-  return deferred_response(web::WorkKind::kFile, [load = std::move(load)] {
+/// Throws InputError where this is unknown.
+bool is_there(const std::filesystem::path& path) {
+  return io::value_or_throw(io::type_of(path)) != std::filesystem::file_type::not_found;
+}
+
+/// `load` reads the calibration `file`.
+web::WebResponse rig_response(const std::filesystem::path& file, std::function<Rig()> load) {
+  return deferred_response(web::WorkKind::kFile, [file, load = std::move(load)] {
+    if (!is_there(file)) return web::plain_response(404, "there is no calibration");
     return web::json_response(rig_json(load()));
   });
 }
@@ -297,11 +310,11 @@ web::WebResponse WebSite::find(const web::WebRequest& request, const web::WebTar
   if (target.text() == "/api/scenes") return CachedListing::respond("scenes", scene_listing_);
   if (target.text() == "/api/order") return commands_.report();
   if (target.text() == "/api/rig")
-    return rig_response([calib = calib_] { return load_calib(calib); });
+    return rig_response(calib_, [calib = calib_] { return load_calib(calib); });
   if (path.size() == 4 && path[0] == "api" && path[1] == "takes" && path[3] == "rig") {
     if (!is_file_name(path[2])) return web::plain_response(404, "there is no such take");
-    return rig_response(
-        [take = take::TakePaths{takes_ / path[2]}] { return load_take_calib(take); });
+    const take::TakePaths take{takes_ / path[2]};
+    return rig_response(take.calib(), [take] { return load_take_calib(take); });
   }
   if (path.size() == 4 && path[0] == "api" && path[1] == "takes" && path[3] == "sound") {
     return take_sound(path[2]);
@@ -331,6 +344,7 @@ web::WebResponse WebSite::take_file(const web::WebRequest& request, const std::s
 web::WebResponse WebSite::take_sound(const std::string& take) const {
   if (!is_file_name(take)) return web::plain_response(404, "there is no such take");
   return deferred_response(web::WorkKind::kFile, [paths = take::TakePaths{takes_ / take}] {
+    if (!is_there(paths.ledger())) return web::plain_response(404, "the take has no ledger");
     const take::Ledger ledger = take::load_ledger(paths.ledger());
     const auto studio = ledger.sounds.empty() ? std::nullopt : load_take_studio(paths);
     return web::json_response(sound_json(ledger.sounds, studio));
@@ -343,8 +357,8 @@ web::WebResponse WebSite::sound_file(const web::WebRequest& request, const std::
   if (!is_file_name(take) || !is_file_name(file) || !file.ends_with(".wav")) return unknown;
   return deferred_response(
       web::WorkKind::kFile, [request, folder = takes_ / take / "sound", file, unknown] {
-        std::error_code error;
-        if (!is_directory(std::filesystem::symlink_status(folder, error))) return unknown;
+        const auto type = io::value_or_throw(io::entry_type_of(folder));
+        if (type != std::filesystem::file_type::directory) return unknown;
         web::WebResponse response = file_response(request, folder / file, web::WorkKind::kFile);
         response.fields.emplace_back("Cache-Control", "no-cache");
         return response;

@@ -219,11 +219,23 @@ TEST_F(PhotographSite, answers_404_for_a_thumbnail_without_frames) {
   }
 }
 
-TEST_F(PhotographSite, survives_a_damaged_log) {
+TEST_F(PhotographSite, survives_a_damaged_log_and_does_not_report_it_as_missing) {
   write(folder_ / "takes/kendo-07/cam01.lcmlog", std::string(5000, 'x'));
   const web::WebResponse response = get("/api/takes/kendo-07/photographs/1/cam01.jpg");
-  EXPECT_EQ(response.status, 404);
+  EXPECT_EQ(response.status, 500);
+  EXPECT_THAT(response.body, HasSubstr("cannot be read"));
   EXPECT_THAT(response.body, Not(HasSubstr(folder_.path().string())));
+}
+
+TEST_F(PhotographSite, reports_no_picture_as_missing_when_it_cannot_list_the_folder_of_the_take) {
+  WebSite site = this->site();
+  for (const char* target : {"/api/takes/kendo-07/photographs/1/cam01.jpg",
+                             "/api/takes/kendo-07/thumbnail.jpg", "/api/takes/kendo-07/views/1"}) {
+    const web::WebResponse deferred =
+        site.respond({.method = "GET", .target = target, .host = "localhost"});
+    const test::NoFreeDescriptor limit;
+    EXPECT_EQ(done(deferred).status, 500) << target;
+  }
 }
 
 }  // namespace

@@ -183,13 +183,13 @@ TEST_F(ViewedBall,
   EXPECT_THAT(listing, Not(HasSubstr(folder_.path().string())));
 }
 
-TEST_F(ViewedBall, survives_damaged_files) {
+TEST_F(ViewedBall, survives_damaged_files_and_does_not_report_them_as_missing) {
   write(folder_ / "takes/kendo-07/right.lcmlog", std::string(5000, 'x'));
-  EXPECT_EQ(get("/api/takes/kendo-07/views/0").status, 404);
+  EXPECT_EQ(get("/api/takes/kendo-07/views/0").status, 500);
   write(folder_ / "takes/kendo-07/mesh.v3d", std::string(5000, 'x'));
-  EXPECT_EQ(get("/api/takes/kendo-07/views/0").status, 404);
+  EXPECT_EQ(get("/api/takes/kendo-07/views/0").status, 500);
   write(folder_ / "takes/kendo-07/take.toml", "name = ");
-  EXPECT_EQ(get("/api/takes/kendo-07/views/0").status, 404);
+  EXPECT_EQ(get("/api/takes/kendo-07/views/0").status, 500);
 }
 
 TEST_F(ViewedBall, keeps_no_file_of_a_take_open_that_is_removed_or_long_unused) {

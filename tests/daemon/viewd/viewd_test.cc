@@ -2,8 +2,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -250,29 +250,13 @@ TEST_F(ViewedSite, serves_no_other_file_of_a_take_and_follows_no_link) {
   EXPECT_EQ(get("/takes/kendo-07/mesh.v3d").status, 404);
 }
 
-/// The process opens no descriptor during the lifetime.
-class NoFreeDescriptor {
- public:
-  NoFreeDescriptor() {
-    getrlimit(RLIMIT_NOFILE, &before_);
-    const rlimit none{0, before_.rlim_max};
-    setrlimit(RLIMIT_NOFILE, &none);
-  }
-  ~NoFreeDescriptor() { setrlimit(RLIMIT_NOFILE, &before_); }
-  NoFreeDescriptor(const NoFreeDescriptor&) = delete;
-  NoFreeDescriptor& operator=(const NoFreeDescriptor&) = delete;
-
- private:
-  rlimit before_{};
-};
-
 TEST_F(ViewedSite, answers_503_for_a_file_when_it_has_no_free_descriptor) {
   WebSite site = this->site();
   const web::WebRequest request{
       .method = "GET", .target = "/takes/kendo-07/mesh.v3d", .host = "localhost"};
   const auto status = [&] { return done(site.respond(request)).status; };
   const auto status_without_descriptor = [&] {
-    const NoFreeDescriptor limit;
+    const test::NoFreeDescriptor limit;
     return status();
   };
   EXPECT_EQ(status_without_descriptor(), 503);
@@ -300,6 +284,32 @@ TEST_F(ViewedSite, reveals_no_path_when_a_file_is_missing) {
     EXPECT_THAT(response.body, Not(HasSubstr(folder_.path().string())));
   }
   EXPECT_EQ(get("/api/takes").body, R"({"takes":[]})") << "folders that are not takes are ignored";
+}
+
+TEST_F(ViewedSite, does_not_report_a_damaged_calibration_or_ledger_as_missing) {
+  const std::string take = "/api/takes/kendo-07/";
+  for (const std::string& target : {std::string("/api/rig"), take + "rig", take + "sound"}) {
+    EXPECT_EQ(get(target).status, 404) << target << ": there is none";
+  }
+  write(folder_ / "calib.toml", "broken = [");
+  write(folder_ / "takes/kendo-07/calib.toml", "broken = [");
+  write(folder_ / "takes/kendo-07/ledger.toml", "x");
+  for (const std::string& target : {std::string("/api/rig"), take + "rig", take + "sound"}) {
+    const web::WebResponse response = get(target);
+    EXPECT_EQ(response.status, 500) << target;
+    EXPECT_THAT(response.body, HasSubstr("cannot be read"));
+    EXPECT_THAT(response.body, Not(HasSubstr(folder_.path().string())));
+  }
+}
+
+TEST_F(ViewedSite, does_not_report_a_file_as_missing_that_it_may_not_read) {
+  if (geteuid() == 0) GTEST_SKIP() << "root may read all files";
+  for (const char* name : {"mesh.v3d", "motion.v3d"}) {
+    const std::filesystem::path file = folder_ / "takes/kendo-07" / name;
+    write(file, "0123456789");
+    std::filesystem::permissions(file, std::filesystem::perms::none);
+    EXPECT_EQ(get("/takes/kendo-07/" + std::string(name)).status, 500);
+  }
 }
 
 TEST_F(ViewedSite, lists_a_take_of_which_a_file_has_a_typing_error) {

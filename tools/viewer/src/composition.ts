@@ -111,6 +111,11 @@ class Actor {
     return wantsViews(this.stage.look) && this.performer.mesh.visible && !this.frame?.tracked ? this.views.state : null;
   }
 
+  /** Why the camera views cannot be fetched; ''. */
+  get viewsTrouble(): string {
+    return this.viewsState === 'coming' ? this.views.trouble : '';
+  }
+
   lookChanged(): void {
     this.send({ kind: 'views', wanted: wantsViews(this.stage.look) });
     this.views.apply();
@@ -226,6 +231,11 @@ export class Composition {
   get viewsState(): ViewsState {
     const states = [...this.actors.values()].map((actor) => actor.viewsState);
     return (['too many', 'none', 'coming'] as const).find((state) => states.includes(state)) ?? 'here';
+  }
+
+  /** Why the camera views of a take cannot be fetched; ''. */
+  get viewsTrouble(): string {
+    return [...this.actors.values()].map((actor) => actor.viewsTrouble).find(Boolean) ?? '';
   }
 
   private begin(take: SceneTake): void {

@@ -83,7 +83,7 @@ class Viewer {
     this.stage.onTrouble = (text) => this.errors.set('scene: background', text);
     this.stage.onGraphics = (text) => this.errors.set('page: graphics', text);
     this.pictures = new Pictures(this.stage, (tookMs) => this.playback?.ahead(2, tookMs / 1000) ?? [],
-      () => this.composition?.viewsState ?? null);
+      () => this.composition?.viewsState ?? null, () => this.composition?.viewsTrouble ?? '');
     find('confidence-note').textContent = CONFIDENCE_IN_WORDS;
     this.panel = new ScenePanel(find('scene-panel'), {
       change: () => this.sceneChanged(),

@@ -2,7 +2,8 @@
 import { bodyOf } from '../player/src/byte_source';
 import type { CodedViews, VertexViews } from '../player/src/camera_views';
 import type { Performer } from './performer';
-import { fetchThere, PulseStore } from '../player/src/pulse_store';
+import { PulseStore } from '../player/src/pulse_store';
+import { fetchThere } from './request';
 import { parseVertexViews } from './vertex_views';
 
 /** Fetches the views of a take by its name, NAME in takes/NAME/mesh.v3d. */
@@ -73,6 +74,11 @@ export class PerformerViews {
     if (this.tooMany) return 'too many';
     if (this.coded !== null) return this.coded === 'unread' ? 'coming' : 'none';
     return this.store.get(this.shown) === undefined ? 'coming' : 'none';
+  }
+
+  /** Why the last request failed, which is repeated; '': it did not fail. */
+  get trouble(): string {
+    return this.store.trouble;
   }
 
   get tookMs(): number {

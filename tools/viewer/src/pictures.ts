@@ -4,7 +4,8 @@ import { find } from './page';
 import { bodyOf } from '../player/src/byte_source';
 import { type CodedViews, MAX_CAMERAS } from '../player/src/camera_views';
 import { PerformerViews, type ViewsState } from './performer_views';
-import { fetchThere, PulseStore } from '../player/src/pulse_store';
+import { PulseStore } from '../player/src/pulse_store';
+import { fetchThere } from './request';
 import type { RigCamera } from './rig';
 import { AGREEING, CONFIDENCE_COLOURS, wantsViews } from './shading';
 import type { Stage } from './stage';
@@ -40,6 +41,8 @@ export class Pictures {
     private readonly ahead: (tookMs: number) => number[],
     /** The worst state of all takes of the open scene; null without a scene. */
     private readonly sceneState: () => ViewsState | null,
+    /** Why the views of the open scene cannot be fetched; ''. */
+    private readonly sceneTrouble: () => string,
   ) {
     this.slider.addEventListener('input', () => this.setAmount(Number(this.slider.value) / 100));
     this.slider.addEventListener('change', () => this.slider.blur()); // keys act on the page again
@@ -151,6 +154,7 @@ export class Pictures {
     if (this.amount === 0 || this.shown < 0) return '';
     const here = this.photographs?.get(this.shown);
     if (here === null) return `${this.camera.name} has no photograph at this pulse.`;
+    if (here === undefined && this.photographs?.trouble) return `The photograph cannot be fetched: ${this.photographs.trouble}`;
     if (here === undefined) return this.photographed < 0 ? 'The photograph is coming …' : `photograph of pulse ${this.photographed}`;
     return '';
   }
@@ -161,6 +165,8 @@ export class Pictures {
     if (this.tracked) return `${instead}: what each camera sees is known of meshes only. Switch off Motion to see it.`;
     const state = this.sceneState() ?? (this.views && this.shown >= 0 ? this.views.state : null);
     if (state === 'here') return '';
+    const trouble = this.sceneState() === null ? (this.views?.trouble ?? '') : this.sceneTrouble();
+    if (state === 'coming' && trouble) return `${instead}: what each camera sees cannot be fetched: ${trouble}`;
     if (state === 'coming') return this.ahead(0).length ? '' : `${instead}, until it is known what each camera sees …`;
     if (state === 'too many') return `${instead}: this look supports at most ${MAX_CAMERAS} cameras.`;
     if (state === 'none') return `${instead}: the raw frames, which show what each camera sees, are not on this PC, and the take keeps no colours of cameras.`;

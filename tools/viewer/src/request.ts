@@ -51,3 +51,17 @@ export const fetchText = (url: string, limit = Infinity) =>
 
 /** Whether there is a file at an address. Throws like fetchJson(). */
 export const isThere = async (url: string) => (await fetchOrNull(url, { method: 'HEAD', cache: 'no-cache' }, async () => true)) ?? false;
+
+/** The server gives up making a picture after 60 s. */
+const PICTURE_SILENCE_MS = 70_000;
+
+/**
+ * `use` of the picture or view at an address; null: there is none. Throws a Refusal for other responses, and an error when the server is
+ * silent.
+ */
+export const fetchThere = <T>(url: string, signal: AbortSignal, use: Use<T>): Promise<T | null> =>
+  fetchWithin(url, { signal }, Infinity, async (response, progress) => {
+    if (response.status === 404) return null;
+    if (!response.ok) throw new Refusal(lineOf(await response.text(), response.status));
+    return use(response, progress);
+  }, PICTURE_SILENCE_MS);

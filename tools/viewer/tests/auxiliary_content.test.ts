@@ -1,6 +1,6 @@
 import { afterEach, describe, expect, it, vi } from 'vitest';
 import { AuxiliaryContent } from '../src/auxiliary_content';
-import { fetchJson, isThere, Refusal } from '../src/request';
+import { fetchJson, fetchThere, isThere, Refusal } from '../src/request';
 import { fetchRig } from '../src/rig';
 import { fetchSound } from '../src/sound_file';
 import { fetchScenes, fetchTakes } from '../src/take_list';
@@ -20,6 +20,14 @@ describe('a request of the page', () => {
     answer(503, 'too many open files; try again\n');
     for (const fetched of [fetchRig('api/rig'), fetchSound('kendo-07'), isThere('motion.v3d'), fetchScenes(), fetchTakes()]) {
       await expect(fetched).rejects.toThrow('too many open files; try again');
+    }
+  });
+
+  it('reports what the server cannot read, and does not show it as absent', async () => {
+    answer(500, 'a file cannot be read; see the log of v3d-viewd\n');
+    const picture = fetchThere('api/takes/a/views/1', new AbortController().signal, async () => 1);
+    for (const fetched of [fetchRig('api/rig'), fetchSound('kendo-07'), picture]) {
+      await expect(fetched).rejects.toThrow('a file cannot be read; see the log of v3d-viewd');
     }
   });
 

@@ -93,7 +93,7 @@ describe('views in a compact frame', () => {
 describe('a pulse store', () => {
   /** A store whose requests the test answers. */
   function storeByHand(more: { keep?: number; atOnce?: number } = {}) {
-    const asked = new Map<number, { resolve(thing: string | null): void; reject(): void }>();
+    const asked = new Map<number, { resolve(thing: string | null): void; reject(error: Error): void }>();
     const ready: number[] = [];
     const disposed: string[] = [];
     const store = new PulseStore<string>({
@@ -144,6 +144,24 @@ describe('a pulse store', () => {
     expect([ready, disposed, [...asked.keys()]]).toEqual([[], ['of 5'], [9]]);
   });
 
+  it('has the reason why a request failed, until one succeeds', async () => {
+    vi.useFakeTimers();
+    try {
+      const { store, asked } = storeByHand();
+      store.want(5);
+      asked.get(5)!.reject(new Error('a file cannot be read'));
+      asked.delete(5);
+      await vi.advanceTimersByTimeAsync(0);
+      expect(store.trouble).toBe('a file cannot be read');
+      await vi.advanceTimersByTimeAsync(1000);
+      asked.get(5)!.resolve('of 5');
+      await vi.advanceTimersByTimeAsync(0);
+      expect([store.trouble, store.get(5)]).toEqual(['', 'of 5']);
+    } finally {
+      vi.useRealTimers();
+    }
+  });
+
   it('does not repeat a request for a pulse without data', async () => {
     const { store, asked, answer } = storeByHand();
     store.want(5);
@@ -167,7 +185,7 @@ describe('a pulse store', () => {
   it('pauses after a failed request', async () => {
     const { store, asked } = storeByHand();
     store.want(5);
-    asked.get(5)!.reject();
+    asked.get(5)!.reject(new Error('The server answered 503.'));
     asked.delete(5);
     await new Promise((done) => setTimeout(done));
     store.want(5);

@@ -1,7 +1,5 @@
 // Cache of data of single pulses. The latest request is fetched first; data that arrives too late is dropped.
 
-import { fetchWithin } from './byte_source';
-
 /** Pause after a failed request. */
 const AGAIN_MS = 1000;
 
@@ -25,6 +23,8 @@ export class PulseStore<T> {
   private readonly requests = new AbortController();
   /** Mean duration of the last requests, milliseconds. */
   tookMs = 0;
+  /** Why the last request failed, which is repeated; '': it did not fail. */
+  trouble = '';
 
   constructor(private readonly options: PulseStoreOptions<T>) {}
 
@@ -68,8 +68,10 @@ export class PulseStore<T> {
       const thing = await this.options.fetch(pulse, this.requests.signal);
       const took = performance.now() - began;
       this.tookMs = this.tookMs ? 0.7 * this.tookMs + 0.3 * took : took;
+      this.trouble = '';
       this.keep(pulse, thing);
-    } catch {
+    } catch (error) {
+      this.trouble = (error as Error).message;
       this.rest();
     }
     this.underWay.delete(pulse);
@@ -100,18 +102,4 @@ export class PulseStore<T> {
       this.fetchNext();
     }, AGAIN_MS);
   }
-}
-
-/** The server gives up making a picture after 60 s. */
-const SILENCE_MS = 70_000;
-
-/** `use` of what is at an address; null for 404. Throws for other errors, and when the server is silent. */
-export function fetchThere<T>(
-  url: string, signal: AbortSignal, use: (response: Response, progress: () => void) => Promise<T>,
-): Promise<T | null> {
-  return fetchWithin(url, { signal }, Infinity, async (response, progress) => {
-    if (response.status === 404) return null;
-    if (!response.ok) throw new Error(`The server answered ${response.status}.`);
-    return use(response, progress);
-  }, SILENCE_MS);
 }
