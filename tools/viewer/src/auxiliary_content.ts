@@ -1,5 +1,5 @@
 // Auxiliary content of the open take or scene: items that are fetched beside its frames, such as sound and cameras.
-import { Refusal } from './request';
+import { isThere, NotFetched, Refusal } from './request';
 
 export class AuxiliaryContent {
   /** Attempts to repeat. */
@@ -45,4 +45,26 @@ export class AuxiliaryContent {
     this.failed.clear();
     for (const attempt of attempts) attempt();
   }
+}
+
+/**
+ * `load` of the file at `url` by a library whose errors do not tell why. Each call tries once. Null: there is no such file, it is
+ * invalid, or `isLate()`. Throws NotFetched where a later call may succeed. A file that exists is invalid only after the second failure,
+ * because the server may have been busy at the first.
+ */
+export function repeatable<T>(load: () => Promise<T>, url: string, isLate: () => boolean): () => Promise<T | null> {
+  let failures = 0;
+  const explained = async () => {
+    if (!(await isThere(url)) || ++failures > 1) return null;
+    throw new NotFetched(`${decodeURIComponent(new URL(url).pathname.split('/').at(-1)!)} could not be loaded. It is tried again.`);
+  };
+  return async () => {
+    if (isLate()) return null;
+    try {
+      return await load().catch(explained);
+    } catch (error) {
+      if (isLate()) return null;
+      throw error;
+    }
+  };
 }

@@ -3,6 +3,7 @@ import {
   BackSide, BoxGeometry, Color, GLSL3, LinearFilter, MathUtils, Mesh, type Scene, ShaderMaterial, SRGBColorSpace, type Texture,
   TextureLoader, VideoTexture,
 } from 'three';
+import { type AuxiliaryContent, repeatable } from './auxiliary_content';
 import type { SceneBackground } from './scene_file';
 
 const vertexShader = `
@@ -27,6 +28,8 @@ void main() {
 
 export class Backdrop {
   private shown = '';
+  /** Number of calls of clear(): what was loaded before the last one is late. */
+  private cleared = 0;
   private texture: Texture | null = null;
   private video: HTMLVideoElement | null = null;
   private videoAt = 0;
@@ -46,8 +49,8 @@ export class Backdrop {
     scene.add(this.sphere);
   }
 
-  /** URL of a file named in the scene. */
-  set(background: SceneBackground, url: (file: string) => string): void {
+  /** `url`: of a file named in the scene. `auxiliary` loads it. */
+  set(background: SceneBackground, url: (file: string) => string, auxiliary: AuxiliaryContent): void {
     this.uniforms.turn.value = MathUtils.degToRad(background.turn_deg);
     const file = background.image || background.video || background.sphere;
     const what = `${background.colour} ${background.image && 'image'} ${background.sphere && 'sphere'} ${file && url(file)}`;
@@ -55,44 +58,64 @@ export class Backdrop {
     this.clear();
     this.shown = what;
     this.scene.background = new Color(background.colour);
-    if (background.video) this.showVideo(url(file));
-    else if (file) this.showPicture(url(file), background.sphere !== '', what);
+    this.trouble('');
+    if (file) this.load(url(file), background.video !== '', background.sphere !== '', auxiliary);
     this.changed();
   }
 
-  private showPicture(url: string, isSphere: boolean, what: string): void {
-    new TextureLoader().load(url, (texture) => {
-      if (this.shown !== what) return texture.dispose();
-      texture.generateMipmaps = false;
-      texture.minFilter = LinearFilter;
-      this.texture = texture;
-      if (isSphere) {
-        this.uniforms.sphere.value = texture; // without colour conversion: the bytes are drawn unchanged
-        this.sphere.visible = true;
-      } else {
-        texture.colorSpace = SRGBColorSpace;
-        this.scene.background = texture;
-      }
-      this.changed();
-    }, undefined, () => this.shown === what && this.trouble(`The background ${url} is not there.`));
+  private load(url: string, isVideo: boolean, isSphere: boolean, auxiliary: AuxiliaryContent): void {
+    const { cleared } = this;
+    const isLate = () => cleared !== this.cleared;
+    const load = repeatable(() => (isVideo ? this.loadVideo(url, isLate) : this.loadPicture(url, isSphere, isLate)), url, isLate);
+    auxiliary.load(`Background ${url}`, load, (done) => {
+      if (done !== null || isLate()) return;
+      this.trouble(isVideo ? `The background ${url} is no video that this browser plays.` : `The background ${url} is not there.`);
+    });
   }
 
-  private showVideo(url: string): void {
+  private async loadPicture(url: string, isSphere: boolean, isLate: () => boolean): Promise<true> {
+    const texture = await new TextureLoader().loadAsync(url);
+    if (isLate()) {
+      texture.dispose();
+      return true;
+    }
+    texture.generateMipmaps = false;
+    texture.minFilter = LinearFilter;
+    this.texture = texture;
+    if (isSphere) {
+      this.uniforms.sphere.value = texture; // without colour conversion: the bytes are drawn unchanged
+      this.sphere.visible = true;
+    } else {
+      texture.colorSpace = SRGBColorSpace;
+      this.scene.background = texture;
+    }
+    this.changed();
+    return true;
+  }
+
+  /** Shows a video. Rejects when it cannot be played. */
+  private loadVideo(url: string, isLate: () => boolean): Promise<true> {
+    this.texture?.dispose();
     const video = document.createElement('video');
     Object.assign(video, { src: url, muted: true, playsInline: true, preload: 'auto' });
-    video.addEventListener('error', () => this.trouble(`The background ${url} is no video that this browser plays.`));
     this.video = video;
     const texture = (this.texture = new VideoTexture(video));
-    this.texture.colorSpace = SRGBColorSpace;
-    this.scene.background = this.texture;
-    video.addEventListener('loadedmetadata', () => this.seekVideo());
+    texture.colorSpace = SRGBColorSpace;
+    this.scene.background = texture;
+    const isOld = () => isLate() || this.video !== video;
+    video.addEventListener('loadedmetadata', () => isOld() || this.seekVideo());
     for (const event of ['seeked', 'loadeddata']) {
       video.addEventListener(event, () => {
+        if (isOld()) return;
         texture.needsUpdate = true;
         this.changed();
         this.seekVideo(); // the requested time may have changed meanwhile
       });
     }
+    return new Promise((done, fail) => {
+      video.addEventListener('loadeddata', () => done(true));
+      video.addEventListener('error', () => fail(new Error('cannot be played')));
+    });
   }
 
   /** Sets the time of the scene, seconds; a video shows the same time. */
@@ -120,12 +143,15 @@ export class Backdrop {
 
   clear(): void {
     this.shown = '';
+    ++this.cleared;
     this.scene.background = null;
     this.sphere.visible = false;
     this.uniforms.sphere.value = null;
     this.texture?.dispose();
     this.texture = null;
-    this.video?.removeAttribute('src');
+    const { video } = this;
     this.video = null;
+    video?.removeAttribute('src');
+    video?.load(); // ends its requests
   }
 }

@@ -2,7 +2,7 @@
 import { type BufferGeometry, Group, Mesh, MeshBasicMaterial, MeshLambertMaterial, type Material, type MeshStandardMaterial } from 'three';
 import { GLTFLoader } from 'three/addons/loaders/GLTFLoader.js';
 import { entryAt } from '../player/src/mesh_file';
-import type { AuxiliaryContent } from './auxiliary_content';
+import { type AuxiliaryContent, repeatable } from './auxiliary_content';
 import { startWorker } from './page_worker';
 import { type Performer, place } from './performer';
 import { PerformerViews, takeOfMeshes, type ViewsState } from './performer_views';
@@ -175,9 +175,21 @@ function disposeOf(model: Group): void {
   });
 }
 
+interface ShownModel {
+  url: string;
+  /** Source of its errors. */
+  item: string;
+  /** Null: it has not arrived, or there is none. */
+  group: Group | null;
+  /** It has arrived, or there is none. */
+  settled: boolean;
+}
+
 export class Composition {
   private actors = new Map<SceneTake, Actor>();
-  private models = new Map<SceneModel, { url: string; group: Promise<Group> }>();
+  private models = new Map<SceneModel, ShownModel>();
+  /** Sources of the errors of takes. */
+  private sources = new Set<string>();
   private seconds = 0;
   private ended = false;
   /** True when everything of the present time is on the stage. */
@@ -217,9 +229,16 @@ export class Composition {
       this.actors.get(take)?.apply();
     }
     stage.floorShown = scene.floor;
-    stage.backdrop.set(scene.background, (file) => this.url(file));
-    void this.applyModels();
+    stage.backdrop.set(scene.background, (file) => this.url(file), this.auxiliary);
+    this.applyModels();
+    this.clearErrorsOfRemoved();
     this.setTime(this.seconds);
+  }
+
+  private clearErrorsOfRemoved(): void {
+    const sources = new Set(this.scene.takes.map((take) => `scene: ${this.url(`${take.take}/mesh.v3d`)}`));
+    for (const source of this.sources) if (!sources.has(source)) this.trouble(source, '');
+    this.sources = sources;
   }
 
   lookChanged(): void {
@@ -255,37 +274,54 @@ export class Composition {
     for (const actor of this.actors.values()) actor.playSound(seconds, playing, speed, now);
   }
 
-  private async applyModels(): Promise<void> {
-    const application = ++this.applications;
-    const isLate = () => this.ended || application !== this.applications;
-    const groups: Group[] = [];
-    for (const model of [...this.scene.models]) {
-      const url = this.url(model.model);
-      if (this.models.get(model)?.url !== url) this.models.set(model, { url, group: loadModel(url) });
-      try {
-        const group = await this.models.get(model)!.group;
-        if (isLate()) return;
-        place(group, model);
-        groups.push(group);
-      } catch {
-        if (isLate()) return;
-        this.trouble(`scene: ${url}`, `The model ${model.model} does not exist or is not a glTF file.`);
-      }
+  private applyModels(): void {
+    const { models } = this.scene;
+    for (const [model, shown] of this.models) {
+      if (models.includes(model) && shown.url === this.url(model.model)) continue;
+      this.models.delete(model);
+      this.trouble(shown.item, '');
+      if (shown.group) disposeOf(shown.group);
     }
-    if (isLate()) return;
-    this.modelsShown = this.scene.models.length;
-    this.stage.setModels(groups);
-    this.setTime(this.seconds);
+    for (const model of models) if (!this.models.has(model)) this.beginModel(model);
+    this.showModels();
   }
-  private modelsShown = 0;
-  /** Number of calls of applyModels(), of which the last counts. */
-  private applications = 0;
+
+  private beginModel(model: SceneModel): void {
+    const url = this.url(model.model);
+    const shown: ShownModel = { url, item: `Model ${model.model}`, group: null, settled: false };
+    this.models.set(model, shown);
+    const isLate = () => this.models.get(model) !== shown;
+    const load = repeatable(() => loadModel(url), url, isLate);
+    this.auxiliary.load(shown.item, async () => {
+      const group = await load();
+      if (!group || !isLate()) return group;
+      disposeOf(group);
+      return null;
+    }, (group) => {
+      if (isLate()) return;
+      Object.assign(shown, { group, settled: true });
+      if (!group) this.trouble(shown.item, `The model ${model.model} does not exist or is not a glTF file.`);
+      this.showModels();
+      this.setTime(this.seconds);
+    });
+  }
+
+  /** Shows the models that have arrived. */
+  private showModels(): void {
+    const groups: Group[] = [];
+    for (const [model, { group }] of this.models) {
+      if (!group) continue;
+      place(group, model);
+      groups.push(group);
+    }
+    this.stage.setModels(groups);
+  }
 
   setTime(seconds: number): void {
     if (this.ended) return;
     this.seconds = seconds;
     const there = [...this.actors.values()].map((actor) => actor.setTime(seconds));
-    this.settled = there.every(Boolean) && this.modelsShown === this.scene.models.length;
+    this.settled = there.every(Boolean) && [...this.models.values()].every(({ settled }) => settled);
     this.stage.backdrop.setTime(seconds);
     if (this.following) this.stage.follow(cameraAt(this.scene.camera.keys, seconds));
     this.stage.redraw();
@@ -295,6 +331,7 @@ export class Composition {
     this.ended = true;
     for (const actor of this.actors.values()) actor.end();
     this.actors.clear();
-    for (const { group } of this.models.values()) group.then(disposeOf, () => undefined);
+    for (const { group } of this.models.values()) if (group) disposeOf(group);
+    this.models.clear(); // those that arrive later are late
   }
 }

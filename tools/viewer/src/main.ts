@@ -280,7 +280,6 @@ class Viewer {
   private sceneChanged(): void {
     const composition = this.composition;
     if (!composition || !this.playback) return;
-    this.errors.clear('scene');
     const { scene } = composition;
     if (pictureCount(scene) - 1 !== this.playback.last || scene.rate_hz !== this.playback.rate) {
       const playing = this.playback.playing;
