@@ -84,11 +84,13 @@ const ballIn = (from, to) => async () => {
 test('shows another take beside the open one', async () => {
   await open('take=ball&pulse=12');
   await showsPulse(12);
+  const { x, y, width, height } = await page.locator('#canvas').boundingBox();
+  await page.mouse.move(x + width / 2, y + height / 2);
+  for (let n = 0; n < 10; ++n) await page.mouse.wheel(0, -500); // close to the ball, so that the other take would be out of sight
   await page.hover('[data-take=pair]');
   await page.click('[data-compare=pair]');
   await shows('title', 'ball and pair');
   await page.keyboard.press('Home');
-  await page.keyboard.press('f');
   await becomes(isBall, 'the ball at the left', ballIn(0.1, 0.5));
   await becomes(isBall, 'the pair at the right', ballIn(0.5, 0.9));
 });

@@ -246,7 +246,7 @@ class Viewer {
     this.openAs({ take: null, scene: '' }, '', null);
     this.showScene(scene);
     this.setFollowing(false);
-    this.stage.frameAll();
+    this.stage.frameScene();
     find('title').textContent = `${first.name} and ${second.name}`;
   }
 

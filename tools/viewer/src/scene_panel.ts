@@ -1,4 +1,5 @@
 // Panel to edit a scene. Every change modifies the scene object and calls change().
+import { Field } from '../player/src/json_field';
 import { OUTSIDES, type Outside, type Placement, type SceneFile, type SceneTake, type Vector, WHOLE_TAKE } from './scene_file';
 
 type Change = () => void;
@@ -21,6 +22,18 @@ function button(text: string, name: string, press: () => void): HTMLButtonElemen
   made.dataset.edit = name;
   made.addEventListener('click', press);
   return made;
+}
+
+/** A path that the user types, such that parseScene() accepts it. Null: the user cancelled, or was shown why the path is invalid. */
+export function askPath(question: string): string | null {
+  const file = prompt(question)?.trim();
+  if (!file) return null;
+  try {
+    return new Field(file, '').path();
+  } catch (error) {
+    alert(`${file}: ${(error as Error).message}`);
+    return null;
+  }
 }
 
 interface Limits {
@@ -176,8 +189,8 @@ export class ScenePanel {
         this.again(scene);
       }),
       button('Add a model …', 'add-model', () => {
-        const file = prompt('File of the model (.glb), from the folder of the scene:')?.trim();
-        if (!file) return;
+        const file = askPath('File of the model (.glb), from the folder of the scene:');
+        if (file === null) return;
         scene.models.push({ model: file, ...fresh() });
         this.again(scene);
       }));
@@ -197,8 +210,9 @@ export class ScenePanel {
     });
     const texts = [['', 'colour alone'], ['image', 'still picture …'], ['video', 'video …'], ['sphere', 'all directions …']] as const;
     const select = choice('background', texts, kind, (chosen) => {
-      const file = chosen ? prompt('File, from the folder of the scene:')?.trim() : '';
-      for (const k of kinds) background[k] = k === chosen ? (file ?? '') : '';
+      const file = chosen ? askPath('File, from the folder of the scene:') : '';
+      if (file === null) return this.show(scene); // the list shows the present background again
+      for (const k of kinds) background[k] = k === chosen ? file : '';
       this.again(scene);
     });
     const box = part('details', '', 'item');

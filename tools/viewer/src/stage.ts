@@ -49,6 +49,8 @@ export class Stage {
   private readonly fly: Fly;
   private standing: RigCamera | null = null;
   private framed = false;
+  /** The first surface of each performer of the scene sets the view. */
+  private framesScene = false;
   private changed = true;
   private following = false;
   /** Called when the user moves the viewpoint away from a camera or from the path of a scene. */
@@ -80,7 +82,10 @@ export class Stage {
     this.orbit.target.set(0, 0, 1);
     this.orbit.enableDamping = true;
     this.orbit.dampingFactor = 0.12;
-    this.orbit.addEventListener('start', () => this.leave());
+    this.orbit.addEventListener('start', () => {
+      this.framesScene = false;
+      this.leave();
+    });
     this.orbit.addEventListener('change', () => (this.changed = true));
     this.fly = new Fly(this.eye, canvas);
     this.handle = new BendHandle(this.scene, this.eye, canvas, (on) => (this.orbit.enabled = !on && !this.fly.on),
@@ -104,10 +109,12 @@ export class Stage {
 
   /** Shows a frame on the permanent performer, or on one of a scene. */
   show(surface: Surface, performer = this.single): void {
+    const isFirst = performer.indexUploads === 0;
     performer.show(surface);
     this.canvas.dataset.uploads = String(this.single.indexUploads); // for tests
     Object.assign(this.canvas, { positions: surface.positions }); // for tests
-    if (!this.framed && performer === this.single) this.frameAll();
+    const isUnframed = performer === this.single ? !this.framed : isFirst && this.framesScene;
+    if (isUnframed) this.frameAll();
     this.changed = true;
   }
 
@@ -176,6 +183,7 @@ export class Stage {
     this.backdrop.clear();
     this.floorShown = true;
     this.framed = false;
+    this.framesScene = false;
     this.leave();
     this.eye.fov = FOV;
     this.changed = true;
@@ -199,8 +207,15 @@ export class Stage {
     this.changed = true;
   }
 
+  /** Shows all of the scene, as soon as its performers have surfaces, until the user moves the viewpoint. */
+  frameScene(): void {
+    this.framesScene = true;
+    this.frameAll();
+  }
+
   /** Sets the viewpoint of a scene's camera path, until the user moves it. */
   follow(key: CameraKey): void {
+    this.framesScene = false;
     if (this.flying) this.flying = false;
     if (this.standing) this.leave();
     this.following = true;
@@ -236,6 +251,7 @@ export class Stage {
     return this.fly.on;
   }
   set flying(on: boolean) {
+    this.framesScene = false;
     this.leave();
     this.fly.on = on;
     this.orbit.enabled = !on;
@@ -258,6 +274,7 @@ export class Stage {
 
   /** Sets the viewpoint of the camera, until the user moves it. */
   standAt(camera: RigCamera): void {
+    this.framesScene = false;
     if (this.flying) this.flying = false;
     this.leave();
     this.standing = camera;

@@ -1,6 +1,7 @@
 import { Object3D, Vector3 } from 'three';
-import { expect, test } from 'vitest';
+import { expect, test, vi } from 'vitest';
 import { place } from '../src/performer';
+import { askPath } from '../src/scene_panel';
 import { cameraAt, pulseAt, soundAt } from '../src/scene_clock';
 import shared from '../../../tests/tools/scene_cases.json';
 import { type CameraKey, type Outside, parseScene, pictureCount, type SceneTake, sideBySide, writeScene } from '../src/scene_file';
@@ -22,6 +23,22 @@ test('a scene contains the position of every object', () => {
     sound: false, sound_shift_s: 0.25, sound_gain_db: -6 });
   expect(scene().takes[1]).toMatchObject({ take: '../b', scale: 1, start_s: 0, in_pulse: null, outside: 'hold', performer: null,
     sound: true, sound_shift_s: 0, sound_gain_db: 0 });
+});
+
+test('a path that the panel adds can be read back', () => {
+  const shown: string[] = [];
+  vi.stubGlobal('alert', (text: string) => shown.push(text));
+  for (const typed of ['/models/chair.glb', 'C:\\chair.glb', 'a%20b.glb', ' ', null]) {
+    vi.stubGlobal('prompt', () => typed);
+    expect(askPath('File?'), `${typed}`).toBeNull();
+  }
+  expect(shown).toHaveLength(3);
+  expect(shown[0]).toContain('/models/chair.glb: expected a path from the folder of the scene');
+  vi.stubGlobal('prompt', () => ' models/chair.glb ');
+  const changed = scene();
+  changed.models.push({ model: askPath('File?')!, move: [0, 0, 0], turn_deg: [0, 0, 0], scale: 1 });
+  expect(parseScene(writeScene(changed)).models.at(-1)!.model).toBe('models/chair.glb');
+  vi.unstubAllGlobals();
 });
 
 test('a scene that is written reads back the same', () => {
