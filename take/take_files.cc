@@ -161,8 +161,8 @@ io::Result<TakeFile> stat_take_file(const TakePaths& paths, const std::string& n
   return file_of(name, status);
 }
 
-io::Result<TakeFile> read_take_file(const TakePaths& paths, const std::string& name,
-                                    ReadFrom from) {
+io::Result<TakeFile> read_take_file(const TakePaths& paths, const std::string& name, ReadFrom from,
+                                    const ReadProgress& progress) {
   const auto file = io::File::open(paths.folder / name, io::OpenMode::kReadWithinFolder);
   if (!file) return tl::make_unexpected(file.error());
   struct stat status {};
@@ -175,7 +175,7 @@ io::Result<TakeFile> read_take_file(const TakePaths& paths, const std::string& n
   TakeFile read = file_of(name, status);
   RunningChecksum sum;
   const io::Status added =
-      add_to_checksum(*file, {.begin = 0, .end = static_cast<uint64_t>(read.bytes)}, sum);
+      add_to_checksum(*file, {.begin = 0, .end = static_cast<uint64_t>(read.bytes)}, sum, progress);
   if (!added) return tl::make_unexpected(added.error());
   read.checksum = sum.value();
   return read;

@@ -10,6 +10,7 @@
 
 #include "base/config/toml_file.h"
 #include "base/io/file.h"
+#include "take/logs/log_files.h"
 #include "take/take.h"
 #include "wire/signatures.h"
 
@@ -73,10 +74,10 @@ bool is_written_after_ledger(std::string_view name);
 [[nodiscard]] io::Result<TakeFile> stat_take_file(const TakePaths& paths, const std::string& name);
 
 /// Reads a whole file and computes its checksum. Length and modification time are those at the
-/// start of the read. Fails with path and cause, also when the name is a symbolic link, and for a
-/// file with large holes (SparseReader).
+/// start of the read. `progress`: called before each MiB is read. Fails with path and cause, also
+/// when the name is a symbolic link, and for a file with large holes (SparseReader).
 [[nodiscard]] io::Result<TakeFile> read_take_file(const TakePaths& paths, const std::string& name,
-                                                  ReadFrom from);
+                                                  ReadFrom from, const ReadProgress& progress = {});
 
 // Text files with a checksum of their own: ledger.toml, and the indexes of log segments.
 //

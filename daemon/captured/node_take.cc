@@ -314,7 +314,11 @@ std::string NodeTake::checksum_error(const std::vector<std::string>& unread) con
 
 std::string NodeTake::sign(const std::vector<take::TakeFile>& files) const {
   if (context_.signer == nullptr) return "";
-  const io::Status done = sign_take(paths_, *context_.signer, files);
+  node::service::WorkProgress progress;  // sound of an hour is read for many seconds
+  const io::Status done = sign_take(paths_, *context_.signer, files, [&] {
+    progress.report();
+    return true;
+  });
   return done ? "" : "take " + info_.name + " is not signed: " + done.error().message;
 }
 

@@ -111,7 +111,8 @@ io::Result<std::vector<std::string>> close_take(const Studio& studio, take::Take
   const take::TakePaths paths = take_paths(studio, info.name);
   info.pulses = ledger.commanded;
   info.state = state;
-  auto unread = save_account(paths, info, ledger);
+  service::WorkProgress progress;
+  auto unread = save_account(paths, info, ledger, [&] { progress.report(); });
   if (unread) return unread;
   return tl::make_unexpected(io::IoError{
       .code = unread.error().code,

@@ -42,7 +42,8 @@ take::TakeLock lock_take(const take::TakePaths& paths, const std::string& node);
 /// Writes the ledger, and take.toml with this state: kRecording for a take that a recovery must
 /// count again. Returns one line with path and cause for each file that could not be read, whose
 /// checksum the ledger lacks; the take is closed all the same. Fails with one line that names the
-/// take, the path and the cause when the ledger cannot be written.
+/// take, the path and the cause when the ledger cannot be written. Reports its progress to systemd,
+/// because gigabytes of sound may be read for their checksum.
 [[nodiscard]] io::Result<std::vector<std::string>> close_take(
     const Studio& studio, take::TakeInfo info, const take::Ledger& ledger,
     take::TakeState state = take::TakeState::kComplete);

@@ -42,7 +42,8 @@ TakeFile entry_of_text(const std::string& name, const std::string& text) {
 /// Entry of another file. Adds a line to `unread` when it has no checksum; empty when its length
 /// cannot be read either.
 std::optional<TakeFile> entry_of_file(const TakePaths& paths, const std::string& name,
-                                      std::vector<std::string>& unread) {
+                                      std::vector<std::string>& unread,
+                                      const ReadProgress& progress) {
   /// The pulse log of the longest take (kMaxPulses) has 2 GB. A sparse file can have any length.
   /// Only sound may be longer: it gets no checksum, because the read would delay the stop.
   constexpr int64_t kMaxBytes = int64_t{4} << 30;
@@ -54,7 +55,7 @@ std::optional<TakeFile> entry_of_file(const TakePaths& paths, const std::string&
                      " bytes; expected at most " + format_count(kMaxBytes));
     return *std::move(known);
   }
-  auto read = read_take_file(paths, name, ReadFrom::kPageCache);
+  auto read = read_take_file(paths, name, ReadFrom::kPageCache, progress);
   if (read) return *std::move(read);
   unread.push_back(read.error().message);
   return known ? std::optional(*std::move(known)) : std::nullopt;
@@ -63,7 +64,7 @@ std::optional<TakeFile> entry_of_file(const TakePaths& paths, const std::string&
 /// Adds the files that `ledger` does not list yet. Returns one line for each file that could not be
 /// read.
 io::Result<std::vector<std::string>> add_files(const TakePaths& paths, const TakeInfo& info,
-                                               Ledger& ledger) {
+                                               Ledger& ledger, const ReadProgress& progress) {
   const std::optional<Ledger> previous = previous_ledger(paths);
   const auto names = take_file_names(paths);
   if (!names) return tl::make_unexpected(names.error());
@@ -71,7 +72,7 @@ io::Result<std::vector<std::string>> add_files(const TakePaths& paths, const Tak
   for (const std::string& name : *names) {
     if (is_written_after_ledger(name) || ledger.file(name)) continue;
     if (!is_camera_log(name, info)) {
-      if (auto entry = entry_of_file(paths, name, unread)) ledger.files.push_back(*entry);
+      if (auto entry = entry_of_file(paths, name, unread, progress)) ledger.files.push_back(*entry);
       continue;
     }
     auto entry = entry_of_camera_log(paths, name, previous);
@@ -90,11 +91,11 @@ bool is_camera_log(const std::string& name, const TakeInfo& info) {
 }
 
 io::Result<std::vector<std::string>> save_account(const TakePaths& paths, const TakeInfo& info,
-                                                  Ledger ledger) {
+                                                  Ledger ledger, const ReadProgress& progress) {
   const std::string text = take_info_text(info), info_name = paths.info().filename();
   std::erase_if(ledger.files, [&](const TakeFile& file) { return file.name == info_name; });
   ledger.files.push_back(entry_of_text(info_name, text));  // take.toml is written below
-  auto unread = add_files(paths, info, ledger);
+  auto unread = add_files(paths, info, ledger, progress);
   if (!unread) return unread;
   for (TakeFile& file : ledger.files) file.changed_ns = 0;
   std::ranges::sort(ledger.files, {}, &TakeFile::name);

@@ -29,10 +29,11 @@ bool is_camera_log(const std::string& name, const TakeInfo& info);
 /// read, or is larger than 4 GiB, gets no checksum; one whose length cannot be read gets no entry.
 ///
 /// Returns one line for each file that was not read, with the cause, except for sound of more than
-/// 4 GiB. Fails with path and cause when the ledger or take.toml cannot be written.
+/// 4 GiB. Fails with path and cause when the ledger or take.toml cannot be written. `progress`:
+/// called before each MiB is read, because sound may take half a minute.
 [[nodiscard]] io::Result<std::vector<std::string>> save_account(const TakePaths& paths,
-                                                                const TakeInfo& info,
-                                                                Ledger ledger);
+                                                                const TakeInfo& info, Ledger ledger,
+                                                                const ReadProgress& progress = {});
 
 /// Like save_account(), for programs that create a take. Throws std::runtime_error for all these
 /// errors, also for a file that was not read.

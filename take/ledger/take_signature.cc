@@ -236,11 +236,11 @@ io::Status save_signature(const TakePaths& paths, const TakeSignature& signature
 }
 
 io::Status sign_take(const TakePaths& paths, const TakeSigner& signer,
-                     const std::vector<TakeFile>& files) {
-  return save_if_made(
-      paths,
-      make_signature(paths, signer, SigningOccasion::kStop, files, {.reads_camera_logs = false}),
-      signer);
+                     const std::vector<TakeFile>& files, const MayContinue& may_continue) {
+  return save_if_made(paths,
+                      make_signature(paths, signer, SigningOccasion::kStop, files,
+                                     {.reads_camera_logs = false, .may_continue = may_continue}),
+                      signer);
 }
 
 io::Result<TakeSignature> read_signature(const TakePaths& paths, const TakeSigner& signer,

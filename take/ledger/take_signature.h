@@ -108,10 +108,12 @@ bool is_signed_file(std::string_view name);
 /// signature of this node.
 ///
 /// `files`: entries with known roots, for example from EventLogWriter::file(). Other files are
-/// read, except camera logs. Requires the ledger. Fails with path and cause; throws nothing that a
+/// read, except camera logs; sound of an hour takes many seconds. Requires the ledger. Fails with
+/// path and cause, and with ECANCELED when `may_continue` returned false; throws nothing that a
 /// disk or a damaged file causes.
 [[nodiscard]] io::Status sign_take(const TakePaths& paths, const TakeSigner& signer,
-                                   const std::vector<TakeFile>& files);
+                                   const std::vector<TakeFile>& files,
+                                   const MayContinue& may_continue = {});
 
 /// Reads all files of a closed take, camera logs included, and makes the signature that
 /// save_signature() writes. Fails with path and cause; with ECANCELED when `may_continue` returned

@@ -430,7 +430,7 @@ Verification recover_take(const TakePaths& paths, AfterReadErrors after,
   }
   result.info.state = TakeState::kRecovered;
   result.info.pulses = result.ledger.commanded;
-  const auto unread = save_account(paths, result.info, result.ledger);
+  const auto unread = save_account(paths, result.info, result.ledger, progress);
   if (!unread) throw std::runtime_error(unread.error().message);
   result.disagreements.insert(result.disagreements.end(), unread->begin(), unread->end());
   return std::move(result);

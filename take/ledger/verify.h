@@ -80,7 +80,8 @@ enum class AfterReadErrors : uint8_t {
 /// Requires that no process records into the take. Idempotent. Throws InputError as verify_take()
 /// does, and std::runtime_error with path and cause when a log cannot be opened or a file cannot be
 /// written. The state in take.toml is then unchanged, and a later call can succeed. `progress` is
-/// called for each event of the camera logs, several times, and for each block of sound.
+/// called for each event of the camera logs, several times, for each block of sound, and for each
+/// MiB of the other files.
 Verification recover_take(const TakePaths& paths,
                           AfterReadErrors after = AfterReadErrors::kStayOpen,
                           const ReadProgress& progress = {});

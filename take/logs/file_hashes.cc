@@ -78,10 +78,12 @@ class LeafReader {
 
 }  // namespace
 
-io::Status add_to_checksum(const io::File& file, FileRange bytes, RunningChecksum& sum) {
+io::Status add_to_checksum(const io::File& file, FileRange bytes, RunningChecksum& sum,
+                           const ReadProgress& progress) {
   std::vector<uint8_t> chunk(kBlock);
   SparseReader reader(file);
   for (uint64_t at = bytes.begin; at < bytes.end; at += kBlock) {
+    if (progress) progress();
     const auto part = std::span(chunk).first(std::min(kBlock, bytes.end - at));
     if (auto read = reader.read_whole(at, part); !read) return read;
     sum.add(part);

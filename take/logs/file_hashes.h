@@ -6,6 +6,7 @@
 
 #include "base/core/bytes.h"
 #include "base/io/file.h"
+#include "take/logs/log_files.h"
 #include "wire/signatures.h"
 
 namespace v3d::take {
@@ -22,9 +23,9 @@ using MayContinue = std::function<bool()>;
 // Both functions use 1 MiB of memory. They fail with path and cause, also for a file with large
 // holes (SparseReader).
 
-/// Adds the bytes to `sum`.
+/// Adds the bytes to `sum`. `progress`: called before each MiB is read.
 [[nodiscard]] io::Status add_to_checksum(const io::File& file, FileRange bytes,
-                                         RunningChecksum& sum);
+                                         RunningChecksum& sum, const ReadProgress& progress = {});
 
 /// Adds the leaves of the bytes to `tree`, the hash tree of the file (wire/signatures.h).
 ///

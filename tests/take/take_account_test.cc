@@ -26,5 +26,17 @@ TEST(TakeAccount, reports_a_file_whose_length_cannot_be_read_and_gives_it_no_ent
   EXPECT_NE(saved.file("calib.toml"), nullptr);
 }
 
+TEST(TakeAccount, reports_progress_for_each_mebibyte_of_sound) {
+  const test::TemporaryFolder folder;
+  const TakePaths paths{folder.path()};
+  std::filesystem::create_directory(paths.sound());
+  test::write_text(paths.sound() / "cap01.wav", std::string(4 << 20, 's'));
+  const Ledger ledger{.take = "kendo-07", .sensed = {}, .cameras = {}};
+  int calls = 0;
+  ASSERT_TRUE(save_account(paths, test::begun_take({}), ledger, [&] { ++calls; }));
+  EXPECT_EQ(calls, 4);
+  EXPECT_TRUE(load_ledger(paths.ledger()).file("sound/cap01.wav")->checksum);
+}
+
 }  // namespace
 }  // namespace v3d::take

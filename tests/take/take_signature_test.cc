@@ -267,6 +267,16 @@ TEST_F(TakeSigning, fails_with_a_cause_for_a_take_without_a_ledger_or_with_a_dam
   }
 }
 
+TEST_F(TakeSigning, asks_for_each_mebibyte_of_sound_whether_to_continue) {
+  fs::create_directory(take_.sound());
+  test::write_text(take_.sound() / "cap01.wav", std::string(4 << 20, 's'));
+  int calls = 0;
+  const auto count = [&] { return ++calls > 0; };
+  ASSERT_TRUE(sign_take(take_, {"cap01", cap01_}, {}, count));
+  EXPECT_GE(calls, 4);
+  EXPECT_FALSE(sign_take(take_, {"cap01", cap01_}, {}, [] { return false; }));
+}
+
 /// The state after a restart of the daemon in the take.
 TEST_F(TakeSigning, reports_a_log_that_is_signed_by_its_length_only) {
   ASSERT_TRUE(sign_take(take_, {"cap01", cap01_}, {}));

@@ -102,6 +102,17 @@ TEST_F(TakeFolderTest, is_closed_with_sound_that_is_too_long_for_a_checksum) {
   EXPECT_FALSE(written.file("sound/cap01.wav")->checksum);
 }
 
+TEST_F(TakeFolderTest, feeds_the_watchdog_while_its_sound_is_read) {
+  create_take(studio_, info_);
+  const take::TakePaths paths = take_paths(studio_, "kendo-07");
+  std::filesystem::create_directory(paths.sound());
+  test::write_text(paths.sound() / "cap01.wav", std::string(2 << 20, 's'));
+  test::NotifySocket systemd(folder_ / "notify");
+  const take::Ledger ledger{.take = "kendo-07", .commanded = 3, .sensed = 3, .cameras = {}};
+  EXPECT_TRUE(close_take(studio_, info_, ledger));
+  EXPECT_GE(systemd.count("WATCHDOG=1"), 1);
+}
+
 TEST_F(TakeFolderTest, names_the_cause_when_its_ledger_cannot_be_written_or_lacks_a_checksum) {
   create_take(studio_, info_);
   const take::Ledger ledger{.take = "kendo-07", .commanded = 3, .sensed = 3, .cameras = {}};
