@@ -84,6 +84,21 @@ std::string node_of(const std::filesystem::path& file) {
   return is_numbered ? name.substr(0, dot) : name;
 }
 
+/// The map covers all pulses of the recording. The file does not where its device failed until the
+/// end, or was opened late, or the file could not be written any more.
+void add_missing_ends(const SoundLedger& sound, std::vector<std::string>& parts) {
+  if (!sound.map.is_known() || sound.rate_hz == 0) return;
+  constexpr double kMinSeconds = 1, kMaxSeconds = 1e9;
+  const auto add = [&](double samples, const std::string& verb, const std::string& pulse) {
+    const double seconds = std::min(samples / sound.rate_hz, kMaxSeconds);
+    if (!(seconds > kMinSeconds)) return;
+    parts.push_back(verb + " " + format_count(std::llround(seconds)) + " s " + pulse);
+  };
+  add(-sound.map.knots.front().sample, "begins", "after the first pulse");
+  add(sound.map.knots.back().sample - static_cast<double>(sound.samples), "ends",
+      "before the last pulse");
+}
+
 }  // namespace
 
 SoundLedger read_sound_ledger(const TomlTable& table) {
@@ -154,6 +169,7 @@ std::string problem_line(const SoundLedger& sound) {
     parts.push_back(format_count(sound.xruns) + " xruns, " + format_count(sound.lost_samples) +
                     " samples lost");
   }
+  add_missing_ends(sound, parts);
   if (sound.map_source == "none") parts.push_back("no pulse has a position in the sound");
   if (sound.missing_edges > 0) {
     parts.push_back(format_count(sound.missing_edges) + " pulses without an edge in the sound");

@@ -49,8 +49,8 @@ void write_sound_ledger(const SoundLedger& sound, TomlWriter& file);
 
 /// "480,000 samples of 2 channels at 48,000 Hz"
 std::string contents_of(const SoundLedger& sound);
-/// Xruns, a jump of the timecode, no map of pulses and one without edges, on one line; empty
-/// without any.
+/// Xruns, sound that begins or ends more than a second inside the pulses, a jump of the timecode,
+/// no map of pulses and one without edges, on one line; empty without any.
 std::string problem_line(const SoundLedger& sound);
 
 /// The rank of a source of timecode: that of "ltc" is the highest, then "output", then others.

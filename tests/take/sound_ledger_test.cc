@@ -115,6 +115,18 @@ TEST(SoundLedger, reports_xruns_as_a_problem_of_the_take) {
                           "the sound"));
 }
 
+TEST(SoundLedger, reports_sound_that_begins_after_the_first_or_ends_before_the_last_pulse) {
+  SoundLedger sound = ledger_entry();
+  sound.xruns = sound.lost_samples = sound.missing_edges = 0;
+  sound.samples = 600 * 48'000;
+  sound.map = {{{0, -300 * 48'000}, {28'500, 840 * 48'000}}};
+  EXPECT_EQ(
+      problem_line(sound),
+      "sound/cap01.wav: begins 300 s after the first pulse, ends 240 s before the last pulse");
+  sound.map = {{{0, -47'000}, {28'500, 600 * 48'000 + 47'000}}};
+  EXPECT_EQ(problem_line(sound), "") << "less than a second";
+}
+
 TEST(SoundLedger, reports_that_no_pulse_has_a_position) {
   SoundLedger sound = ledger_entry();
   sound.map = {};

@@ -194,6 +194,21 @@ TEST_F(NodeSoundTest, opens_a_device_again_that_delivers_nothing_and_no_error) {
   EXPECT_THAT(ledger->gaps.front()[1], Ge(2.0 * kRate));
 }
 
+TEST_F(NodeSoundTest, has_a_problem_in_the_ledger_when_the_device_fails_until_the_end) {
+  NodeSound sound(simulated("stall_s=1"), {});
+  sound.begin(take_, "kendo-07", kPulseRate);
+  const MonotonicInstant start = Monotonic::now();
+  for (int64_t n = 0; n < 100; ++n) {
+    sound.pulse_at({.pulse = n, .at = start + n * period_of(kPulseRate)});
+  }
+  ASSERT_TRUE(records(sound, 1));
+  const auto has_fault = [&] { return !sound.status().fault.empty(); };
+  ASSERT_TRUE(test::becomes_true(has_fault, test::within(60)));
+  const auto ledger = sound.end();  // before the device is opened again, or else there is an xrun
+  ASSERT_TRUE(ledger);
+  EXPECT_NE(problem_line(*ledger), "");
+}
+
 TEST_F(NodeSoundTest, reports_a_device_that_never_delivers_and_not_that_it_is_open) {
   NodeSound sound(simulated("stall_s=0.001"), {});
   bool was_open = false;
