@@ -12,6 +12,7 @@
 
 #include "base/core/bytes.h"
 #include "base/core/error.h"
+#include "base/core/text.h"
 #include "base/io/file.h"
 #include "base/io/unique_fd.h"
 #include "take/logs/file_hashes.h"
@@ -29,14 +30,15 @@ TakeFile file_of(const std::string& name, const struct stat& status) {
           .checksum = {}};
 }
 
-/// Appends the names of the regular files in `folder`, each with `prefix` in front.
-io::Status add_names(const fs::path& folder, const std::string& prefix,
+/// Appends the names of the regular files in `folder`, each with `prefix` in front: those that are
+/// UTF-8, or the others.
+io::Status add_names(const fs::path& folder, const std::string& prefix, bool are_utf8,
                      std::vector<std::string>& names) {
   const auto entries = io::list_folder(folder);
   if (!entries) return tl::make_unexpected(entries.error());
   for (const fs::path& entry : *entries) {
     const std::string name = entry.filename();
-    if (name.starts_with(".") || io::is_temporary(entry)) continue;
+    if (name.starts_with(".") || io::is_temporary(entry) || is_utf8(name) != are_utf8) continue;
     const auto type = io::type_of(entry);
     if (!type) return tl::make_unexpected(type.error());
     // A dangling link is listed, so that the attempt to read it reports the cause.
@@ -44,6 +46,19 @@ io::Status add_names(const fs::path& folder, const std::string& prefix,
     if (is_file) names.push_back(prefix + name);
   }
   return {};
+}
+
+/// Appends the names in the take folder and in its folders background and sound.
+io::Status add_all_names(const TakePaths& paths, bool are_utf8, std::vector<std::string>& names) {
+  io::Status listed = add_names(paths.folder, "", are_utf8, names);
+  for (const fs::path& folder : {paths.background(), paths.sound()}) {
+    const auto type = io::type_of(folder);
+    if (!type) return tl::make_unexpected(type.error());
+    if (listed && *type == fs::file_type::directory) {
+      listed = add_names(folder, folder.filename().string() + "/", are_utf8, names);
+    }
+  }
+  return listed;
 }
 
 /// The names of the folders in `folder`, without symbolic links to folders.
@@ -93,20 +108,13 @@ std::optional<uint64_t> parse_checksum(std::string_view text) {
 
 io::Result<std::vector<std::string>> take_file_names(const TakePaths& paths) {
   std::vector<std::string> names;
-  io::Status listed = add_names(paths.folder, "", names);
-  for (const fs::path& folder : {paths.background(), paths.sound()}) {
-    const auto type = io::type_of(folder);
-    if (!type) return tl::make_unexpected(type.error());
-    if (listed && *type == fs::file_type::directory) {
-      listed = add_names(folder, folder.filename().string() + "/", names);
-    }
-  }
+  const io::Status listed = add_all_names(paths, true, names);
   if (!listed) return tl::make_unexpected(listed.error());
   std::ranges::sort(names);
   return names;
 }
 
-io::Result<std::vector<std::string>> foreign_folders(const TakePaths& paths) {
+io::Result<std::vector<std::string>> foreign_entries(const TakePaths& paths) {
   const std::string background = paths.background().filename(), sound = paths.sound().filename();
   const auto folders = folders_in(paths.folder);
   if (!folders) return folders;
@@ -114,13 +122,15 @@ io::Result<std::vector<std::string>> foreign_folders(const TakePaths& paths) {
   for (const std::string& folder : *folders) {
     if (folder.starts_with(".shards-")) continue;  // of v3dctl reconstruct and track
     if (folder != background && folder != sound) {
-      foreign.push_back(folder);
+      foreign.push_back(folder + "/");
       continue;
     }
     const auto inner = folders_in(paths.folder / folder);
     if (!inner) return inner;
-    for (const std::string& name : *inner) foreign.push_back((fs::path(folder) / name).string());
+    for (const std::string& name : *inner) foreign.push_back(folder + "/" + name + "/");
   }
+  const io::Status listed = add_all_names(paths, false, foreign);
+  if (!listed) return tl::make_unexpected(listed.error());
   std::ranges::sort(foreign);
   return foreign;
 }

@@ -42,14 +42,16 @@ enum class ReadFrom : uint8_t {
 
 /// Sorted names of all regular files of the take folder and of its folders background and sound.
 /// Omits hidden names, which are working files of daemons and programs (locks, commands, partial
-/// files), and temporary files that a power cut left behind in io::replace_file(). Fails with path
-/// and cause when a folder cannot be listed.
+/// files), temporary files that a power cut left behind in io::replace_file(), and names that are
+/// not UTF-8, which a ledger cannot list: see foreign_entries(). Fails with path and cause when a
+/// folder cannot be listed.
 [[nodiscard]] io::Result<std::vector<std::string>> take_file_names(const TakePaths& paths);
 
-/// Sorted names of the folders in a take that V3D neither makes nor reads, as "kendo-08" and
-/// "sound/mix": for example a take that was moved into another one. No program verifies or copies
-/// the files in them. Fails with path and cause when a folder cannot be listed.
-[[nodiscard]] io::Result<std::vector<std::string>> foreign_folders(const TakePaths& paths);
+/// Sorted names of the folders in a take that V3D neither makes nor reads, as "kendo-08/" and
+/// "sound/mix/": for example a take that was moved into another one. Also files whose names are not
+/// UTF-8, without a slash, as of another operating system. No program verifies or copies these
+/// files, or those in the folders. Fails with path and cause when a folder cannot be listed.
+[[nodiscard]] io::Result<std::vector<std::string>> foreign_entries(const TakePaths& paths);
 
 /// True for the name of a signature file: signature.<node>.toml (take_signature.h).
 bool is_signature(std::string_view name);

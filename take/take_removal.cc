@@ -32,11 +32,11 @@ io::Status check_removable(const TakePaths& paths) {
                         "it is a symbolic link to " + printable(target) +
                             "; delete the take there, with the folder above it as --dir");
   }
-  const auto folders = foreign_folders(paths);
-  if (!folders) return tl::make_unexpected(folders.error());
-  if (folders->empty()) return {};
+  const auto foreign = foreign_entries(paths);
+  if (!foreign) return tl::make_unexpected(foreign.error());
+  if (foreign->empty()) return {};
   std::vector<std::string> names;
-  for (const std::string& folder : *folders) names.push_back(printable(folder) + "/");
+  for (const std::string& name : *foreign) names.push_back(printable(name));
   return io::io_error("delete", paths.folder,
                       "it contains " + join_names(names) +
                           ", which no verification and no copy includes; move it out of the take");

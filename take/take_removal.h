@@ -18,7 +18,7 @@ inline constexpr const char* kQuarantineFolder = "quarantine";
 
 /// Succeeds for a folder whose files can all be deleted as those of one take. Fails with path and
 /// cause when the folder is a symbolic link, because the take is elsewhere, and when it has
-/// foreign_folders(), because no verification and no copy includes their files.
+/// foreign_entries(), because no verification and no copy includes them.
 [[nodiscard]] io::Status check_removable(const TakePaths& paths);
 
 /// Deletes a take that check_removable() accepts: renames its folder to ".deleted-<name>", then

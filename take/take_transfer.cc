@@ -141,8 +141,9 @@ void link_folder(const fs::path& from, const fs::path& to) {
   if (!file_exists(from)) return;
   io::throw_if_failed(io::create_folders(to));
   for (const fs::path& file : io::value_or_throw(io::list_folder(from))) {
-    // files_not_joined() names folders.
-    if (io::value_or_throw(io::entry_type_of(file)) == fs::file_type::directory) continue;
+    // files_not_joined() names folders and names that are not UTF-8.
+    const bool is_folder = io::value_or_throw(io::entry_type_of(file)) == fs::file_type::directory;
+    if (is_folder || !is_utf8(file.filename().native())) continue;
     link_if_present(file, to / file.filename());
   }
 }
@@ -273,8 +274,8 @@ std::vector<std::string> files_not_joined(const std::vector<TakePaths>& parts,
       if (is_of_program || file_exists(whole.folder / name)) continue;
       files.push_back((part.folder.filename() / name).string());
     }
-    for (const std::string& folder : io::value_or_throw(foreign_folders(part))) {
-      files.push_back((part.folder.filename() / folder).string() + "/");
+    for (const std::string& name : io::value_or_throw(foreign_entries(part))) {
+      files.push_back(printable((part.folder.filename() / name).string()));
     }
   }
   std::ranges::sort(files);

@@ -31,7 +31,7 @@ namespace v3d::take {
 TakeInfo join_parts(const std::vector<TakePaths>& parts, const TakePaths& into);
 
 /// The files of the parts that the take `whole`, which join_parts() made of them, does not have and
-/// no program makes: notes that an operator put there, and foreign_folders(). "cap01/kendo-08/",
+/// no program makes: notes that an operator put there, and foreign_entries(). "cap01/kendo-08/",
 /// "cap01/notes.txt", sorted. Throws InputError
 /// when a folder cannot be read.
 std::vector<std::string> files_not_joined(const std::vector<TakePaths>& parts,

@@ -38,6 +38,8 @@ std::string join_names(const std::vector<std::string>& names);
 
 // Makes untrusted text safe for a terminal, a log or JSON.
 
+/// True when `text` is valid UTF-8, or empty.
+bool is_utf8(std::string_view text);
 /// Replaces each byte of invalid UTF-8 and each control character by '?'. The result cannot move a
 /// cursor or end a line.
 std::string printable(std::string_view text);

@@ -22,7 +22,7 @@ void FileCheck::finish() {
   for (const std::string& name : *names) {
     if (name != paths_.verified().filename()) read(name);
   }
-  note_foreign_folders();
+  note_foreign_entries();
   std::ranges::sort(result_.files, {}, &TakeFile::name);
   if (!has_list()) return;
   for (const TakeFile& file : stored_->files) {
@@ -79,11 +79,13 @@ void FileCheck::report_unnamed(const std::string& name) {
   result_.notes.push_back(name + ": " + what);
 }
 
-void FileCheck::note_foreign_folders() {
-  const auto folders = foreign_folders(paths_);
-  if (!folders) return result_.disagreements.push_back(folders.error().message);
-  for (const std::string& folder : *folders) {
-    result_.notes.push_back(folder + "/: is no folder of a take, and is not verified");
+void FileCheck::note_foreign_entries() {
+  const auto foreign = foreign_entries(paths_);
+  if (!foreign) return result_.disagreements.push_back(foreign.error().message);
+  for (const std::string& name : *foreign) {
+    const std::string what =
+        name.ends_with("/") ? "is no folder of a take, and" : "its name is not UTF-8; it";
+    result_.notes.push_back(printable(name) + ": " + what + " is not verified");
   }
 }
 

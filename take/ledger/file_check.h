@@ -29,7 +29,7 @@ class FileCheck {
   /// Reads all segments of a log. Later readers find them in the page cache.
   void read_log(const std::filesystem::path& log);
   /// Reads all other files. Reports files that are missing, files that the ledger does not list,
-  /// and foreign_folders().
+  /// and foreign_entries().
   void finish();
 
  private:
@@ -39,7 +39,7 @@ class FileCheck {
   void report_unreadable(const std::string& line);
   void report_missing(const TakeFile& file);
   void report_unnamed(const std::string& name);
-  void note_foreign_folders();
+  void note_foreign_entries();
   void disagree(const std::string& name, const std::string& what);
 
   const TakePaths& paths_;

@@ -206,7 +206,7 @@ io::Result<ReadSounds> read_sounds(const TakePaths& paths) {
   const auto files = io::list_folder(paths.sound());
   if (!files) return tl::make_unexpected(files.error());
   for (const std::filesystem::path& path : *files) {
-    if (path.extension() != ".wav") continue;
+    if (path.extension() != ".wav" || !is_utf8(path.filename().native())) continue;
     const auto wave = sound::WaveReader::open(path);
     if (!wave) {
       read.problems.push_back(wave.error().message);

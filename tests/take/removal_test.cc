@@ -180,6 +180,17 @@ TEST_F(TakeRemoval, rejects_a_take_with_another_take_in_it) {
   }
 }
 
+TEST_F(TakeRemoval, rejects_a_take_with_a_file_whose_name_is_not_utf8) {
+  record();
+  test::write_text(paths_.folder / "M\xfcller.txt", "note");
+  const auto deleted = delete_take(paths_);
+  ASSERT_FALSE(deleted);
+  EXPECT_EQ(deleted.error().message,
+            "cannot delete " + paths_.folder.string() +
+                ": it contains M?ller.txt, which no verification and no copy includes; move it out "
+                "of the take");
+}
+
 TEST_F(TakeRemoval, deletes_the_folders_of_a_take_with_the_links_but_not_their_targets) {
   record();
   for (const char* folder : {"background", "sound", ".shards-0123"}) {

@@ -61,6 +61,17 @@ TEST_F(TakeFiles, are_listed_with_plates_and_without_working_files) {
               ElementsAre("background/cam01.toml", "calib.toml", "cam01.part-1.lcmlog"));
 }
 
+TEST_F(TakeFiles, whose_names_are_not_utf8_are_foreign_as_are_other_folders) {
+  test::write_text(paths_.folder / "M\xc3\xbcller.txt", "x");
+  test::write_text(paths_.folder / "M\xfcller.txt", "x");
+  test::write_text(paths_.background() / "\xff", "x");
+  fs::create_directories(paths_.sound() / "mix");
+  EXPECT_THAT(take_file_names(paths_).value(),
+              ElementsAre("M\xc3\xbcller.txt", "background/cam01.toml", "calib.toml"));
+  EXPECT_THAT(foreign_entries(paths_).value(),
+              ElementsAre("M\xfcller.txt", "background/\xff", "sound/mix/"));
+}
+
 TEST_F(TakeFiles, have_the_checksum_of_their_bytes_from_cache_and_from_disk) {
   for (const ReadFrom from : {ReadFrom::kPageCache, ReadFrom::kDisk}) {
     const auto read = read_take_file(paths_, "calib.toml", from);

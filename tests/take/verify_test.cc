@@ -328,6 +328,17 @@ TEST_F(VerifyListedTake, reports_unlisted_parts_and_notes_other_files) {
   EXPECT_THAT(v.notes, ElementsAre("notes.txt: is not named in the ledger"));
 }
 
+TEST_F(VerifyListedTake, notes_a_file_whose_name_is_not_utf8_and_stays_verified) {
+  test::write_text(paths_.folder / "M\xfcller.txt", "note");
+  const Verification v = verify_take(paths_);
+  EXPECT_THAT(v.disagreements, IsEmpty());
+  EXPECT_THAT(v.notes, ElementsAre("M?ller.txt: its name is not UTF-8; it is not verified"));
+  ASSERT_TRUE(save_verified(paths_, v));
+  EXPECT_TRUE(load_verified(paths_));
+  ASSERT_TRUE(save_account(paths_, info_, load_ledger(paths_.ledger())));
+  EXPECT_THAT(verify_take(paths_).disagreements, IsEmpty()) << "a ledger would list another name";
+}
+
 TEST_F(VerifyListedTake, is_not_whole_with_a_truncated_mesh_file) {
   {
     MeshFileWriter meshes(paths_.mesh());
