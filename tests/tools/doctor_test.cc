@@ -394,6 +394,53 @@ TEST(Doctor, requires_a_studio_key_that_only_its_owner_can_read) {
   EXPECT_EQ(check_key_file(path).remedy, "chmod 640 " + path.string());
 }
 
+/// Until destruction, this process may read what every user may, also when it is that of root.
+class WithoutRights {
+ public:
+  WithoutRights() : user_(geteuid()) {
+    if (user_ == 0) is_set_ = seteuid(65534) == 0;
+  }
+  ~WithoutRights() {
+    if (user_ == 0 && is_set_ && seteuid(user_) != 0) std::abort();
+  }
+  WithoutRights(const WithoutRights&) = delete;
+  WithoutRights& operator=(const WithoutRights&) = delete;
+  bool is_set() const { return is_set_; }
+
+ private:
+  uid_t user_;
+  bool is_set_ = true;
+};
+
+TEST(Doctor, has_no_verdict_about_a_studio_key_that_this_user_may_not_read) {
+  const test::TemporaryFolder folder;
+  std::filesystem::permissions(folder.path(), std::filesystem::perms(0755));
+  const std::filesystem::path closed = folder / "closed";
+  std::filesystem::create_directory(closed);
+  for (const auto& path : {folder / "studio.key", closed / "studio.key"}) {
+    wire::StudioKey::make().save(path);
+  }
+  const auto set_modes = [&](unsigned key, unsigned of_folder) {
+    std::filesystem::permissions(folder / "studio.key", std::filesystem::perms(key));
+    std::filesystem::permissions(closed, std::filesystem::perms(of_folder));
+  };
+  set_modes(0, 0);
+  std::vector<Finding> findings;
+  {
+    const WithoutRights rights;
+    if (!rights.is_set()) GTEST_SKIP() << "skipped: this system does not permit another user";
+    EXPECT_NO_THROW(findings.push_back(check_key_file(folder / "studio.key")));
+    EXPECT_NO_THROW(findings.push_back(check_key_file(closed / "studio.key")));
+  }
+  set_modes(0600, 0700);  // so that the folder can be removed
+  ASSERT_EQ(findings.size(), 2U);
+  for (const Finding& finding : findings) {
+    EXPECT_EQ(finding.verdict, Verdict::kUnknown) << finding.text;
+    EXPECT_THAT(finding.text, HasSubstr("Permission denied"));
+    EXPECT_THAT(finding.remedy, HasSubstr("group v3d"));
+  }
+}
+
 TEST(Doctor, requires_a_member_list_with_the_signature_of_the_authority) {
   const test::TemporaryFolder folder;
   const wire::SigningKey authority = wire::SigningKey::make();

@@ -114,7 +114,8 @@ Finding check_wakeups(const Studio& studio, bool is_trigger_here);
 
 // Checks of keys: the studio key of every PC of the studio, and the member list of this PC.
 
-/// Finding: the file exists, contains a key, and other users cannot read it.
+/// Finding: the file exists, contains a key, and other users cannot read it. kUnknown where this
+/// user may not read it.
 Finding check_key_file(const std::filesystem::path& key);
 
 /// Finding: the member list has a valid signature of the authority. Requires a studio with a member

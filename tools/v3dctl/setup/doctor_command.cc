@@ -1,9 +1,11 @@
 #include <algorithm>
+#include <cerrno>
 #include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "base/core/error.h"
+#include "base/io/file.h"
 #include "daemon/control/operator_client.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/operate/studio_monitor.h"
@@ -119,13 +121,18 @@ void add_doctor(CommandLine& line) {
 }
 
 Finding check_key_file(const std::filesystem::path& key) {
+  const auto file = io::File::open(key, io::OpenMode::kRead);
+  if (!file && file.error().code == EACCES) {
+    return {Verdict::kUnknown, "studio key", file.error().message,
+            "run v3dctl doctor as a member of the group v3d, or as root"};
+  }
   try {
     wire::StudioKey::load(key);
     return {Verdict::kGood, "studio key", key.string() + " exists, and other users cannot read it",
             ""};
   } catch (const InputError& error) {
     const std::string text = error.what();
-    const bool others = std::filesystem::exists(key) && text.find("chmod") != std::string::npos;
+    const bool others = file && text.find("chmod") != std::string::npos;
     return {Verdict::kBad, "studio key", text,
             others ? "chmod 640 " + key.string()
                    : "copy the file from another PC; v3dctl key new makes the first one"};
