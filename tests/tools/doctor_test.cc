@@ -383,6 +383,21 @@ TEST(Doctor, checks_the_memory_of_usb_only_with_usb_cameras) {
   EXPECT_EQ(check_usb_memory(-1, false).verdict, Verdict::kUnknown);
 }
 
+TEST(Doctor, takes_no_camera_with_an_ip_address_for_a_usb_camera) {
+  StudioCamera camera;
+  camera.address = "203.0.113.9";
+  EXPECT_FALSE(may_have_usb_cameras({camera}));
+  camera.address = "255.255.255.255";  // connect() fails, as without a route
+  ASSERT_EQ(source_address_to(camera.address), 0U);
+  EXPECT_FALSE(may_have_usb_cameras({camera}));
+  StudioCamera other;
+  other.address = "GV-4103";
+  EXPECT_TRUE(may_have_usb_cameras({camera, other}));
+  other.kind = CameraKind::kV4l2;
+  EXPECT_FALSE(may_have_usb_cameras({camera, other}));
+  EXPECT_FALSE(may_have_usb_cameras({}));
+}
+
 TEST(Doctor, requires_a_studio_key_that_only_its_owner_can_read) {
   const test::TemporaryFolder folder;
   const auto path = folder / "studio.key";

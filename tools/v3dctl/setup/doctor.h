@@ -95,6 +95,9 @@ Finding judge_disk_speed(double bytes_per_second, double needed, bool is_here);
 Finding judge_disk_error(const io::IoError& error);
 /// Permission to use real-time priorities. `limit`: RLIMIT_RTPRIO of this user.
 Finding check_realtime(unsigned long limit, bool root);
+/// Whether one of the cameras has a serial number in place of an IP address. Such a camera may be a
+/// USB camera.
+bool may_have_usb_cameras(const std::vector<StudioCamera>& cameras);
 /// `mb`: usbcore.usbfs_memory_mb, the limit of all USB cameras together; -1 without USB.
 Finding check_usb_memory(long mb, bool has_usb_cameras);
 

@@ -1,3 +1,4 @@
+#include <arpa/inet.h>
 #include <fmt/core.h>
 #include <sched.h>
 #include <sys/resource.h>
@@ -152,6 +153,14 @@ Finding judge_disk_error(const io::IoError& error) {
           "check or replace it"};
 }
 
+bool may_have_usb_cameras(const std::vector<StudioCamera>& cameras) {
+  return std::ranges::any_of(cameras, [](const StudioCamera& camera) {
+    in_addr address{};
+    return camera.kind == CameraKind::kAravis &&
+           inet_pton(AF_INET, camera.address.c_str(), &address) != 1;
+  });
+}
+
 Finding check_usb_memory(long mb, bool has_usb_cameras) {
   if (mb < 0) return {Verdict::kUnknown, "USB memory", "no USB on this PC", ""};
   const std::string text = "USB cameras may use " + std::to_string(mb) + " MB";
@@ -168,17 +177,12 @@ std::vector<Finding> check_machine(const Studio& studio, const std::string& node
   const std::vector<StudioCamera> cameras = node.empty() ? studio.cameras : studio.cameras_of(node);
   rlimit realtime{};
   getrlimit(RLIMIT_RTPRIO, &realtime);
-  // A camera without an IP address may be a USB camera.
-  const bool has_usb_cameras =
-      std::any_of(cameras.begin(), cameras.end(), [](const StudioCamera& camera) {
-        return camera.kind == CameraKind::kAravis && source_address_to(camera.address) == 0;
-      });
   return {check_disk(studio.storage.takes),
           check_disk_speed(studio.storage.takes, needed_disk_speed(studio, node),
                            has_cameras_here(studio, node)),
           check_realtime(realtime.rlim_cur, geteuid() == 0),
           check_usb_memory(read_number("/sys/module/usbcore/parameters/usbfs_memory_mb"),
-                           has_usb_cameras)};
+                           may_have_usb_cameras(cameras))};
 }
 
 namespace {
