@@ -95,6 +95,20 @@ TEST(Doctor, of_all_nodes_compares_programs_and_the_systems_of_appliances) {
   EXPECT_EQ(verdict({"1.0.0", "1.1.0"}), Verdict::kBad);
 }
 
+TEST(Doctor, of_all_nodes_compares_no_version_of_a_node_that_is_silent) {
+  const auto silent = check_nodes({"cap01", "cap02"}, {});
+  ASSERT_EQ(silent.size(), 2U);
+  EXPECT_EQ(silent[0].verdict, Verdict::kBad);
+  EXPECT_EQ(silent[1].verdict, Verdict::kBad);
+  wire::HealthMessage health;
+  health.version = "1.0.0";
+  const auto text = [&](const std::vector<std::string>& nodes) {
+    return check_nodes(nodes, {{"cap01", health}}).back().text;
+  };
+  EXPECT_EQ(text({"cap01", "cap02"}), "the nodes that reply have the same");
+  EXPECT_EQ(text({"cap01"}), "all nodes have the same");
+}
+
 TEST(Doctor, of_all_nodes_names_a_clock_of_which_no_service_reports_the_state) {
   const auto of_clock = [](const std::map<std::string, double>& values) {
     wire::HealthMessage health;

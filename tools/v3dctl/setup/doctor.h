@@ -137,8 +137,8 @@ std::vector<Finding> examine_keys(const Studio& studio);
 // --- all nodes: doctor_nodes.cc
 
 /// Findings about each node, from the values of its health: state, cameras, disk, temperature,
-/// memory, clock, update; and whether all have the same version. A node without an entry is kBad,
-/// the clock of a node without has_clock_state() is kUnknown.
+/// memory, clock, update; and whether those with an entry have the same version. A node without one
+/// is kBad, the clock of a node without has_clock_state() is kUnknown.
 std::vector<Finding> check_nodes(const std::vector<std::string>& nodes,
                                  const std::map<std::string, wire::HealthMessage>& health);
 

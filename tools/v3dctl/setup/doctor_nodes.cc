@@ -125,8 +125,10 @@ Finding check_state(const wire::HealthMessage& health) {
 }
 
 /// All nodes need the same program, and the appliances the same system: the version of an appliance
-/// is "1.4.0+SYSTEM". The alert V3dVersionsDiffer compares the same.
-Finding check_versions(const Health& health) {
+/// is "1.4.0+SYSTEM". The alert V3dVersionsDiffer compares the same. Empty where no node has sent
+/// health.
+std::optional<Finding> check_versions(const std::vector<std::string>& nodes, const Health& health) {
+  if (health.empty()) return std::nullopt;
   std::set<std::string> versions, programs, systems;
   std::string text;
   for (const auto& [node, message] : health) {
@@ -137,10 +139,13 @@ Finding check_versions(const Health& health) {
     text += (text.empty() ? "" : ", ") + node + " has " + message.version;
   }
   if (programs.size() <= 1 && systems.size() <= 1) {
-    return {Verdict::kGood, "versions", "all nodes have the same", ""};
+    const bool all =
+        std::ranges::all_of(nodes, [&](const auto& node) { return health.contains(node); });
+    return Finding{Verdict::kGood, "versions",
+                   all ? "all nodes have the same" : "the nodes that reply have the same", ""};
   }
-  return {Verdict::kBad, "versions", text,
-          "v3dctl update BUNDLE --all; on PCs that are no appliance, apt"};
+  return Finding{Verdict::kBad, "versions", text,
+                 "v3dctl update BUNDLE --all; on PCs that are no appliance, apt"};
 }
 
 /// Cameras above the limit of the alert V3dCameraHot.
@@ -193,7 +198,7 @@ std::vector<Finding> check_nodes(const std::vector<std::string>& nodes, const He
   }
   if (const auto masters = check_ptp_masters(health)) findings.push_back(*masters);
   if (const auto firmware = check_firmware(health)) findings.push_back(*firmware);
-  findings.push_back(check_versions(health));
+  if (const auto versions = check_versions(nodes, health)) findings.push_back(*versions);
   return findings;
 }
 
