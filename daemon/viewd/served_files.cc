@@ -86,6 +86,18 @@ bool is_of_scene(const fs::path& folder, const std::string& file) {
   return is_file_name(file) && shown && io::value_or_throw(has_scene(folder));
 }
 
+std::vector<int> find_skeletons(const fs::path& folder) {
+  constexpr int kMaxPerformer = 255;
+  throw_if_unreadable(folder);
+  std::vector<int> performers;
+  if (stamp_of(folder / "skeleton.json")) performers.push_back(1);
+  for (int performer = 2; performer <= kMaxPerformer; ++performer) {
+    const std::string file = "skeleton.performer" + std::to_string(performer) + ".json";
+    if (stamp_of(folder / file)) performers.push_back(performer);
+  }
+  return performers;
+}
+
 FileStamp stamp_of(const struct stat& state) {
   return {.inode = state.st_ino,
           .size = state.st_size,

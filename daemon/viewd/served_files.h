@@ -34,6 +34,11 @@ std::vector<std::string> find_scenes(const std::filesystem::path& takes);
 /// without a scene. Throws InputError if it is unknown whether the scene exists.
 bool is_of_scene(const std::filesystem::path& folder, const std::string& file);
 
+/// The performers of which the take in `folder` has a skeleton, ascending: 1 for skeleton.json, K
+/// from 2 to 255 for skeleton.performerK.json. Empty if there is no such folder. Throws InputError
+/// if it cannot be read.
+std::vector<int> find_skeletons(const std::filesystem::path& folder);
+
 /// Identity of the content of a file, for caches and ETags.
 struct FileStamp {
   uint64_t inode = 0;

@@ -95,6 +95,10 @@ std::string scenes_json(const std::vector<std::string>& names) {
   return text_of({{"scenes", names}});
 }
 
+std::string skeletons_json(const std::vector<int>& performers) {
+  return text_of({{"performers", performers}});
+}
+
 std::string rig_json(const Rig& rig) {
   Json cameras = Json::array();
   for (const RigCamera& camera : rig) cameras.push_back(camera_json(camera));

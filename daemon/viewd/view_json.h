@@ -25,6 +25,9 @@ std::string scenes_json(const std::vector<std::string>& names);
 /// "translation" of cam_from_world}]}
 std::string rig_json(const Rig& rig);
 
+/// {"performers": [1, 3]}
+std::string skeletons_json(const std::vector<int>& performers);
+
 /// {"files": [{"file", "rate_hz", "channels", "samples", "audible" (channels, from 1), "map" (pairs
 /// of pulse and sample)}]}: the sound files of a take that have a map of its pulses. `studio`: that
 /// of the take.

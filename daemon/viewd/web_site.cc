@@ -319,6 +319,9 @@ web::WebResponse WebSite::find(const web::WebRequest& request, const web::WebTar
   if (path.size() == 4 && path[0] == "api" && path[1] == "takes" && path[3] == "sound") {
     return take_sound(path[2]);
   }
+  if (path.size() == 4 && path[0] == "api" && path[1] == "takes" && path[3] == "skeletons") {
+    return take_skeletons(path[2]);
+  }
   if (path.size() == 4 && path[0] == "takes" && path[2] == "sound") {
     return sound_file(request, path[1], path[3]);
   }
@@ -338,6 +341,13 @@ web::WebResponse WebSite::take_file(const web::WebRequest& request, const std::s
     web::WebResponse response = file_response(request, folder / file, web::WorkKind::kFile);
     response.fields.emplace_back("Cache-Control", "no-cache");
     return response;
+  });
+}
+
+web::WebResponse WebSite::take_skeletons(const std::string& take) const {
+  if (!is_file_name(take)) return web::plain_response(404, "there is no such take");
+  return deferred_response(web::WorkKind::kFile, [folder = takes_ / take] {
+    return web::json_response(skeletons_json(find_skeletons(folder)));
   });
 }
 

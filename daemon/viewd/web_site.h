@@ -3,6 +3,7 @@
 //   /api/takes                   the takes (takes_json)
 //   /api/scenes                  the scenes (scenes_json)
 //   /api/rig, /api/takes/T/rig   the current calibration, and that of a take (rig_json)
+//   /api/takes/T/skeletons       the performers of a take that have a skeleton (skeletons_json)
 //   /api/takes/T/sound           the sound files of a take, with its pulses (sound_json)
 //   /takes/T/sound/F             a sound file of a take
 //   /api/order                   GET: the last command and its result (report_json); POST: a
@@ -72,6 +73,7 @@ class WebSite {
   std::optional<web::WebResponse> refusal(const web::WebRequest& request,
                                           const std::optional<web::WebTarget>& target) const;
   web::WebResponse find(const web::WebRequest& request, const web::WebTarget& target) const;
+  web::WebResponse take_skeletons(const std::string& take) const;
   web::WebResponse take_sound(const std::string& take) const;
   web::WebResponse sound_file(const web::WebRequest& request, const std::string& take,
                               const std::string& file) const;

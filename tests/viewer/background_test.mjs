@@ -70,6 +70,16 @@ test('shows a scene in front of an image', async () => {
   await probe.becomes(isNear(GREEN), 'the ball in front of it');
 });
 
+test('keeps the background when the question for another file is cancelled', async () => {
+  await openAt('still', 0.2);
+  await probe.becomes(isNear(RED), 'its left half', left);
+  page.once('dialog', (dialog) => void dialog.dismiss());
+  await page.selectOption('[data-edit=background]', 'video', { force: true });
+  assert.equal(await page.inputValue('[data-edit=background]'), 'image');
+  await probe.settles('still');
+  await probe.becomes(isNear(RED), 'its left half', left);
+});
+
 test('shows a scene inside a spherical image', async () => {
   await openAt('sky', 0.2);
   // The camera looks towards +y, a quarter from the left of the image, where red ends and green begins.

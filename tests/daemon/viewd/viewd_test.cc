@@ -224,6 +224,17 @@ TEST_F(ViewedSite, serves_the_skeletons_of_performers_and_the_operations_of_an_e
   }
 }
 
+TEST_F(ViewedSite, lists_the_performers_with_a_skeleton_although_some_between_have_none) {
+  const std::string listing = "/api/takes/kendo-07/skeletons";
+  EXPECT_EQ(get(listing).body, R"({"performers":[]})");
+  for (const char* file : {"skeleton.json", "skeleton.performer3.json", "skeleton.performer12.json",
+                           "skeleton.performer1.json", "skeleton.performer999.json"}) {
+    write(folder_ / "takes/kendo-07" / file, "{}");
+  }
+  EXPECT_EQ(get(listing).body, R"({"performers":[1,3,12]})");
+  EXPECT_EQ(get("/api/takes/none/skeletons").body, R"({"performers":[]})");
+}
+
 TEST_F(ViewedSite, answers_304_for_an_unchanged_file) {
   WebSite site = this->site();
   web::WebRequest request{

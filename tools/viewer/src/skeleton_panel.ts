@@ -6,7 +6,7 @@ import { BendPanel } from './bend_panel';
 import { find } from './page';
 import type { Playback } from '../player/src/playback';
 import { SearchPace, similarPoses, turnCurves } from './pose';
-import { fetchSkeletons, NO_SKELETONS, type PerformerSkeleton, type SkeletonSet } from './skeleton_set';
+import { canBend, fetchSkeletons, NO_SKELETONS, type PerformerSkeleton, type SkeletonSet } from './skeleton_set';
 import type { Stage } from './stage';
 import type { Transport } from './transport';
 import type { ShownFrame } from '../player/src/worker_messages';
@@ -92,7 +92,7 @@ export class SkeletonPanel {
     const { chosen, host } = this;
     const result = this.bend.show(frame, this.skeletons[0]?.at.get(frame.pulse));
     this.drawn = this.skeletons.map((_, n) => n).filter((n) => this.on && this.skeletons[n].at.has(frame.pulse)
-      && (this.skeletons.length === 1 || host.shows(this.skeletons[n].performer)));
+      && ((this.skeletons.length === 1 && this.skeletons[0].performer === 1) || host.shows(this.skeletons[n].performer)));
     host.stage.showSkeletons(this.drawn.map((n) => {
       const { joints, at } = this.skeletons[n];
       const pose = at.get(frame.pulse)!;
@@ -159,7 +159,7 @@ export class SkeletonPanel {
   }
 
   private get canBend(): boolean {
-    return this.troubles.length === 0 && (this.skeletons[0]?.skins.length ?? 0) > 0;
+    return this.troubles.length === 0 && canBend(this.skeletons[0]);
   }
 
   /** The chosen joint if it moves the surface, otherwise the joint before it. Chooses it, too. */

@@ -1,6 +1,6 @@
 // The skeletons of a take: a file for each performer, and the operations of an edited take.
 import { readOperations } from './bend';
-import { fetchText, NotFetched } from './request';
+import { fetchJson, fetchText, NotFetched } from './request';
 import { MAX_SKELETON_BYTES, parseSkeleton, type Pose, type Skeleton } from './skeleton_file';
 
 export interface PerformerSkeleton extends Skeleton {
@@ -19,7 +19,16 @@ export interface SkeletonSet {
 
 export const NO_SKELETONS: SkeletonSet = { skeletons: [], operations: null, troubles: [] };
 
+/** v3dctl edit bends the skeleton of skeleton.json only. */
+export const canBend = (first: PerformerSkeleton | undefined) => first?.performer === 1 && first.skins.length > 0;
+
 const fileOf = (performer: number) => (performer === 1 ? 'skeleton.json' : `skeleton.performer${performer}.json`);
+
+/** The performers that have a skeleton. Throws NotFetched. */
+async function fetchPerformers(folder: string): Promise<number[]> {
+  const url = new URL(`../../api/takes/${folder.split('/').at(-2)}/skeletons`, folder).href;
+  return (await fetchJson<{ performers: number[] }>(url, { cache: 'no-cache' }))?.performers ?? [];
+}
 
 /** `folder`: the URL of the take. Throws NotFetched while a file cannot be fetched. */
 export async function fetchSkeletons(folder: string): Promise<SkeletonSet> {
@@ -35,11 +44,10 @@ export async function fetchSkeletons(folder: string): Promise<SkeletonSet> {
       return null;
     }
   };
-  for (let performer = 1; ; ++performer) {
+  for (const performer of await fetchPerformers(folder)) {
     const skeleton = await read(fileOf(performer), parseSkeleton);
     if (skeleton) set.skeletons.push({ ...skeleton, performer, at: new Map(skeleton.poses.map((pose) => [pose.pulse, pose])) });
-    else if (performer > 1 || set.troubles.length) break;
   }
-  if (set.skeletons[0]?.skins.length) set.operations = await read('edit.json', readOperations);
+  if (canBend(set.skeletons[0])) set.operations = await read('edit.json', readOperations);
   return set;
 }

@@ -16,6 +16,8 @@ describe('the skeletons of a take', () => {
 
   beforeEach(() => {
     files = new Map([['skeleton.json', () => new Response(SKELETON)], ['edit.json', () => new Response(EDIT)]]);
+    const performers = () => [...files.keys()].flatMap((file) => (file === 'skeleton.json' ? 1 : /performer(\d+)/.exec(file)?.[1] ?? []));
+    files.set('skeletons', () => Response.json({ performers: performers().map(Number) }));
     vi.stubGlobal('fetch', async (url: string) => files.get(url.split('/').at(-1)!)?.() ?? new Response(null, { status: 404 }));
   });
   afterEach(() => vi.unstubAllGlobals());
@@ -29,8 +31,15 @@ describe('the skeletons of a take', () => {
     expect(troubles).toEqual([]);
   });
 
+  it('are those of all performers, although one between them has none', async () => {
+    files.set('skeleton.performer3.json', () => new Response(SKELETON));
+    expect((await fetched()).skeletons.map(({ performer }) => performer)).toEqual([1, 3]);
+    files.delete('skeleton.json');
+    expect((await fetched()).skeletons.map(({ performer }) => performer)).toEqual([3]);
+  });
+
   it('are unknown while the server is busy or does not answer, for every file', async () => {
-    for (const file of ['skeleton.json', 'skeleton.performer2.json', 'edit.json']) {
+    for (const file of ['skeletons', 'skeleton.json', 'skeleton.performer2.json', 'edit.json']) {
       const there = files.get(file);
       files.set(file, () => new Response('too many open files; try again\n', { status: 503 }));
       await expect(fetched()).rejects.toThrow(Refusal);
