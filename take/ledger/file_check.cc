@@ -52,7 +52,9 @@ void FileCheck::compare(const TakeFile& entry, const TakeFile& file) {
     disagree(file.name, "has the checksum " + checksum_text(*file.checksum) + ", the ledger says " +
                             checksum_text(*entry.checksum));
   } else if (!entry.checksum) {
-    result_.notes.push_back(file.name + ": the ledger has no checksum of it, as after a recovery");
+    const bool is_sound = file.name.starts_with(TakePaths().sound().string() + "/");
+    result_.notes.push_back(file.name + ": the ledger has no checksum of it, as " +
+                            (is_sound ? "of sound above 4 GiB" : "after a recovery"));
   }
 }
 

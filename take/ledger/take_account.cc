@@ -90,6 +90,15 @@ bool is_camera_log(const std::string& name, const TakeInfo& info) {
          });
 }
 
+std::vector<std::string> files_without_checksum(const TakePaths& paths) {
+  const TakeInfo info = load_take_info(paths);
+  std::vector<std::string> names;
+  for (const TakeFile& file : load_ledger(paths.ledger()).files) {
+    if (!file.checksum && !is_camera_log(file.name, info)) names.push_back(file.name);
+  }
+  return names;
+}
+
 io::Result<std::vector<std::string>> save_account(const TakePaths& paths, const TakeInfo& info,
                                                   Ledger ledger, const ReadProgress& progress) {
   const std::string text = take_info_text(info), info_name = paths.info().filename();

@@ -21,6 +21,10 @@ namespace v3d::take {
 /// True for a log segment of a camera of the take.
 bool is_camera_log(const std::string& name, const TakeInfo& info);
 
+/// The names of the files without a checksum in the ledger of a take, without camera logs, whose
+/// frames have checksums: sound of more than 4 GiB, for example. Throws as load_ledger().
+std::vector<std::string> files_without_checksum(const TakePaths& paths);
+
 /// Writes ledger.toml, then take.toml.
 ///
 /// First adds the files of the take that `ledger.files` does not list, and reads them for their

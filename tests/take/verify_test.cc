@@ -408,6 +408,22 @@ TEST_F(VerifyListedTake, keeps_log_checksums_in_a_recovery_and_notes_logs_withou
                                    "recovery"));
 }
 
+TEST_F(VerifyListedTake,
+       notes_sound_without_a_checksum_which_takes_collect_compares_with_the_node) {
+  std::filesystem::create_directories(paths_.sound());
+  test::write_text(paths_.sound() / "cap01.raw", "sound");
+  Ledger ledger = load_ledger(paths_.ledger());
+  for (TakeFile& file : ledger.files) {
+    if (file.name == "cam02.lcmlog") file.checksum.reset();
+  }
+  ledger.files.push_back({.name = "sound/cap01.raw", .bytes = 5, .checksum = {}});
+  ASSERT_TRUE(save_ledger(paths_.ledger(), ledger));
+  EXPECT_THAT(
+      verify_take(paths_).notes,
+      Contains("sound/cap01.raw: the ledger has no checksum of it, as of sound above 4 GiB"));
+  EXPECT_THAT(files_without_checksum(paths_), ElementsAre("sound/cap01.raw"));
+}
+
 TEST(EventLogWriter, has_the_checksum_of_the_bytes_on_disk) {
   const test::TemporaryFolder folder;
   const TakePaths paths{folder.path()};

@@ -133,6 +133,32 @@ if(EXISTS ${WORK}/shared/.collect OR NOT EXISTS ${WORK}/shared/kendo-08/take.tom
   message(SEND_ERROR "the first command did not collect its take, or left something in .collect")
 endif()
 
+# Sound without a checksum in the ledger, as above 4 GiB, is compared with that of the node: a wrong byte in the copy is found.
+simulate(${WORK}/cap06/kendo-15 4)
+file(WRITE ${WORK}/cap06/kendo-15/sound/cap06.raw "sound of hours")
+file(READ ${WORK}/cap06/kendo-15/ledger.toml ledger)
+string(REGEX REPLACE "^xxh3 = '[0-9a-f]+'\n" "" ledger "${ledger}")
+string(APPEND ledger "\n[[file]]\nname = 'sound/cap06.raw'\nbytes = 14\n")
+file(WRITE ${WORK}/cap06/kendo-15/ledger.toml "${ledger}")
+file(WRITE ${WORK}/damaging/rsync "#!/bin/sh
+${RSYNC} \"$@\" || exit
+case \" $* \" in *' --inplace '*)
+  printf X | dd of=${WORK}/sounds/.collect/kendo-15/cap06/sound/cap06.raw bs=1 seek=3 conv=notrunc status=none
+esac
+")
+file(CHMOD ${WORK}/damaging/rsync PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE)
+set(ENV{PATH} "${WORK}/damaging:${path}")
+v3dctl(takes collect --from cap06=${WORK}/cap06 --to ${WORK}/sounds)
+set(ENV{PATH} "${path}")
+expect_status(3)
+expect("${out}" "^take kendo-15: not collected: the copy differs from the files of the nodes; ")
+if(EXISTS ${WORK}/sounds/kendo-15)
+  message(SEND_ERROR "a copy with a wrong byte was collected")
+endif()
+v3dctl(takes collect --from cap06=${WORK}/cap06 --to ${WORK}/sounds)
+expect_status(0)
+expect_equal_files(${WORK}/sounds/kendo-15/sound/cap06.raw ${WORK}/cap06/kendo-15/sound/cap06.raw)
+
 # A part in .collect whose files are also those of a collected take: this take is not changed.
 file(MAKE_DIRECTORY ${WORK}/shared/.collect/kendo-08/cap02)
 execute_process(COMMAND cp -al ${WORK}/shared/kendo-08/. ${WORK}/shared/.collect/kendo-08/cap02)

@@ -192,6 +192,14 @@ void fetch_summaries(const Rsync& rsync, const NodeFolder& source,
                    "); to skip the node, name the others with --from");
 }
 
+bool has_bytes_of(const Rsync& rsync, const NodeFolder& source, const std::string& take,
+                  const fs::path& copy, std::vector<std::string> options) {
+  options.insert(options.end(), {"--recursive", "--checksum", "--dry-run", "--itemize-changes"});
+  const ProcessResult compared =
+      rsync.run(options, {source.place + "/" + take + "/", copy.string() + "/"}, Output::kCapture);
+  return compared.status == 0 && compared.output.find(">f") == std::string::npos;
+}
+
 std::string slate_note(const take::TakePaths& part, const std::string& node,
                        const take::TakePaths& copy) {
   const std::string file = node + "/" + part.slate().filename().string();

@@ -71,6 +71,11 @@ TakeSummary read_summary(const take::TakePaths& paths);
 void fetch_summaries(const Rsync& rsync, const NodeFolder& source,
                      const std::set<std::string>& takes, const std::filesystem::path& into);
 
+/// Whether the files of a take on a node, of those that `options` of rsync select, have the same
+/// bytes in the folder `copy`. Reads them on both sides. False also when rsync fails.
+bool has_bytes_of(const Rsync& rsync, const NodeFolder& source, const std::string& take,
+                  const std::filesystem::path& copy, std::vector<std::string> options);
+
 /// Why `copy` in the folder `place` is no copy of `part`, which `node` has; empty: it is one.
 ///
 /// The start in take.toml decides, which a collected take has from one of its parts. The other
