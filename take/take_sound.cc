@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <utility>
 
 #include "base/core/error.h"
@@ -146,7 +147,32 @@ std::optional<PulseTimecode> TakeTimecode::at(int64_t pulse) const {
       return PulseTimecode{.rate = rate, .frames = *frames};
     }
   }
-  return std::nullopt;
+  return before_the_first(pulse);
+}
+
+/// By the file whose timecode begins first. Empty when timecode of any file begins before the
+/// pulse: it may have jumped since.
+std::optional<PulseTimecode> TakeTimecode::before_the_first(int64_t pulse) const {
+  constexpr double kAnyDistance = std::numeric_limits<double>::infinity();
+  const File* first = nullptr;
+  double least_s = kAnyDistance;
+  for (const File& file : files_) {
+    const auto run =
+        std::ranges::min_element(file.sound.timecode_runs, {}, &sound::TimecodeRun::first_sample);
+    const double sample = file.sound.map.sample_of(static_cast<double>(pulse));
+    const double distance_s = (run->first_sample - sample) / file.sound.rate_hz;
+    if (distance_s <= 0) return std::nullopt;
+    if (distance_s < least_s) {
+      first = &file;
+      least_s = distance_s;
+    }
+  }
+  if (first == nullptr) return std::nullopt;
+  const auto frames = sound::timecode_frames_at(
+      first->sound.timecode_runs, first->rate, first->sound.rate_hz,
+      first->sound.map.sample_of(static_cast<double>(pulse)), kAnyDistance);
+  return frames ? std::optional(PulseTimecode{.rate = first->rate, .frames = *frames})
+                : std::nullopt;
 }
 
 }  // namespace v3d::take

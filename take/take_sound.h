@@ -73,10 +73,14 @@ class TakeTimecode {
   /// Throws as load_ledger(). A take without a ledger, or without sound, has no timecode.
   explicit TakeTimecode(const TakePaths& paths);
 
-  /// The timecode at the leading edge of a pulse; empty where it is unknown.
+  /// The timecode at the leading edge of a pulse. Before the first timecode of the take it is
+  /// continued backwards, as for first_timecode of the ledger. Empty where it is unknown: more than
+  /// a second away from later timecode.
   std::optional<PulseTimecode> at(int64_t pulse) const;
 
  private:
+  std::optional<PulseTimecode> before_the_first(int64_t pulse) const;
+
   struct File {
     sound::TimecodeRate rate;
     SoundLedger sound;

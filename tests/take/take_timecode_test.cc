@@ -50,6 +50,22 @@ TEST_F(TakeTimecodeTest, of_ltc_excludes_the_time_of_day_of_other_files) {
   EXPECT_EQ(text_at(90, {day, ltc}), "none") << "the LTC ended long before";
 }
 
+TEST_F(TakeTimecodeTest, that_begins_3_s_after_the_first_pulse_is_continued_backwards) {
+  const SoundLedger ltc =
+      test::timecoded_sound("ltc", "25", {{1000 + 75 * 1920, 900'000, 1000 + 85 * 1920, 900'010}});
+  EXPECT_EQ(text_at(75, {ltc}), "10:00:00:00");
+  EXPECT_EQ(text_at(0, {ltc}), "09:59:57:00");
+}
+
+TEST_F(TakeTimecodeTest, is_not_continued_backwards_to_pulses_after_other_timecode) {
+  const SoundLedger before = test::timecoded_sound("ltc", "25", {{1000, 10, 1000 + 9 * 1920, 19}});
+  const SoundLedger after =
+      test::timecoded_sound("ltc", "25", {{1000 + 90 * 1920, 5000, 1000 + 99 * 1920, 5009}});
+  EXPECT_EQ(text_at(0, {after, before}), "00:00:00:10");
+  EXPECT_EQ(text_at(50, {after, before}), "none") << "between both";
+  EXPECT_EQ(text_at(90, {after, before}), "00:03:20:00");
+}
+
 TEST_F(TakeTimecodeTest, of_the_output_counts_beside_a_file_in_which_no_ltc_was_found) {
   const SoundLedger output = test::timecoded_sound("output", "25", {{1000, 10, 200'000, 113}});
   const SoundLedger silent = test::timecoded_sound("ltc", "25", {});
