@@ -231,6 +231,17 @@ TEST(UsdaSequence, has_samples_of_points_and_colours_and_of_triangles_only_where
                               "        }\n"));
 }
 
+TEST(UsdaSequence, ends_at_the_pulse_that_exceeds_its_limit) {
+  const uint64_t one = usda({{0, tetrahedron(1)}}).size();
+  const auto sequence =
+      make_usda_sequence({.take = "kendo-07", .rate_hz = 25, .max_usda_bytes = 2 * one});
+  sequence->add(0, tetrahedron(1));
+  EXPECT_THAT(test::message_of<InputError>([&] {
+                for (int64_t pulse = 1; pulse < 100; ++pulse) sequence->add(pulse, tetrahedron(2));
+              }),
+              HasSubstr("more than the memory permits ("));
+}
+
 TEST(UsdaSequence, without_colours_has_none) {
   Mesh mesh = tetrahedron(1);
   mesh.colours.clear();

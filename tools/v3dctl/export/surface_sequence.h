@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -19,6 +20,8 @@ struct SequenceOptions {
   /// The timecode of a pulse where it is known; may be empty.
   std::function<std::optional<take::PulseTimecode>(int64_t pulse)> timecode = {};
   uint64_t max_glb_bytes = kMaxGlbBytes;  ///< limit of a GLB file
+  /// Limit of the samples of a USD file, which needs up to three times as much memory.
+  uint64_t max_usda_bytes = std::numeric_limits<uint64_t>::max();
 };
 
 /// Writer of one file. It keeps the content in memory. One thread.
@@ -26,7 +29,7 @@ class SurfaceSequence {
  public:
   virtual ~SurfaceSequence() = default;
   /// Adds the surface of a pulse, ascending: world, metres, z up. It may be empty. Throws
-  /// InputError where the surfaces so far exceed the format.
+  /// InputError where the surfaces so far exceed the format or its limit.
   virtual void add(int64_t pulse, const Mesh& mesh) = 0;
   /// The whole file. Throws InputError where the format cannot hold it. No add() afterwards.
   virtual std::string finish() = 0;

@@ -12,6 +12,7 @@
 #include "base/core/error.h"
 #include "base/io/child_process.h"
 #include "base/io/file.h"
+#include "base/io/process.h"
 #include "common/console.h"
 #include "common/partial_file.h"
 #include "daemon/recorded/mesh_frames.h"
@@ -105,8 +106,9 @@ int export_sequence(const TakeExport& request, const take::TakeInfo& info,
                     recorded::MeshFrames& meshes, const std::vector<int64_t>& pulses) {
   require_writable(request.out);
   const take::TakeTimecode timecodes({request.take});
-  const SequenceOptions options{info.name, info.rate_hz,
-                                [&](int64_t pulse) { return timecodes.at(pulse); }};
+  SequenceOptions options{info.name, info.rate_hz,
+                          [&](int64_t pulse) { return timecodes.at(pulse); }};
+  options.max_usda_bytes = static_cast<uint64_t>(available_memory()) / 4;
   const std::unique_ptr<SurfaceSequence> sequence = request.format == TakeFormat::kUsda
                                                         ? make_usda_sequence(options)
                                                         : make_glb_sequence(options);

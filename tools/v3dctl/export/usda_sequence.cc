@@ -4,6 +4,8 @@
 #include <optional>
 #include <vector>
 
+#include "base/core/error.h"
+#include "base/core/text.h"
 #include "recon/render/renderer.h"
 #include "v3dctl/export/surface_sequence.h"
 #include "v3dctl/export/vertex_streams.h"
@@ -68,8 +70,12 @@ class Samples {
   void add(int64_t time, const std::string& value) {
     text_ += fmt::format("            {}: {},\n", time, value);
   }
-  std::string text() const {
-    return "        " + declaration_ + ".timeSamples = {\n" + text_ + "        }\n";
+  uint64_t bytes() const { return text_.size(); }
+  /// Frees the memory of the samples. No add() afterwards.
+  void move_to(std::string& text) {
+    text.append("        ").append(declaration_).append(".timeSamples = {\n").append(text_);
+    text += "        }\n";
+    text_ = std::string();
   }
 
  private:
@@ -87,29 +93,47 @@ class UsdaSequence : public SurfaceSequence {
     extent_.add(pulse, extent_text(mesh));
     if (!mesh.colours.empty()) has_colours_ = true;
     colours_.add(pulse, colours_text(mesh));
-    if (pulse != *first_ && mesh.triangles == triangles_) return;
-    triangles_ = mesh.triangles;
-    counts_.add(pulse, counts_text(mesh));
-    indices_.add(pulse, indices_text(mesh));
+    if (pulse == *first_ || mesh.triangles != triangles_) {
+      triangles_ = mesh.triangles;
+      counts_.add(pulse, counts_text(mesh));
+      indices_.add(pulse, indices_text(mesh));
+    }
+    require_room();
   }
 
   std::string finish() override {
+    constexpr size_t kFraming = 1000;  // around the samples
     std::string text = header();
-    for (const Samples* samples : {&extent_, &counts_, &indices_, &points_}) {
-      text += samples->text();
-    }
+    text.reserve(text.size() + sample_bytes() + kFraming);
+    for (Samples* const samples : {&extent_, &counts_, &indices_, &points_}) samples->move_to(text);
     if (has_colours_) {
       text +=
           "        color3f[] primvars:displayColor (\n            interpolation = \"vertex\"\n"
-          "        )\n" +
-          colours_.text();
+          "        )\n";
+      colours_.move_to(text);
     }
-    return text +
-           "        uniform token orientation = \"rightHanded\"\n"
-           "        uniform token subdivisionScheme = \"none\"\n    }\n}\n";
+    text +=
+        "        uniform token orientation = \"rightHanded\"\n"
+        "        uniform token subdivisionScheme = \"none\"\n    }\n}\n";
+    return text;
   }
 
  private:
+  uint64_t sample_bytes() const {
+    return extent_.bytes() + counts_.bytes() + indices_.bytes() + points_.bytes() +
+           colours_.bytes();
+  }
+
+  /// An export of minutes of a take would otherwise fill the memory, which may end other programs.
+  void require_room() const {
+    if (sample_bytes() <= options_.max_usda_bytes) return;
+    throw InputError(fmt::format(
+        "the surfaces up to pulse {} have {} of text, more than the memory permits ({}); expected "
+        "fewer --frames, or --format glb-sequence",
+        last_, format_bytes(static_cast<double>(sample_bytes())),
+        format_bytes(static_cast<double>(options_.max_usda_bytes))));
+  }
+
   std::string header() const {
     const double rate = options_.rate_hz > 0 ? options_.rate_hz : 25;
     return fmt::format(
