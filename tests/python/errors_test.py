@@ -3,6 +3,8 @@ import os
 import pathlib
 import random
 import shutil
+import subprocess
+import sys
 import tempfile
 import unittest
 
@@ -39,6 +41,16 @@ class Errors(unittest.TestCase):
         self.assertIn("mesh.v3d: no mesh of pulse 7; it has pulses 0 to 2", self.message(take.meshes().read, 7))
         self.assertIn("has no pulse 9", self.message(take.motion().segments[0].read, 9))
         self.assertIn("no camera cam99", self.message(take.ledger.states, "cam99"))
+
+    def test_of_objects_that_only_new_made_are_type_errors(self):
+        classes = [value for value in vars(v3d).values() if type(value) is type(v3d.Take)]
+        self.assertIn(v3d.Motion, classes)
+        use = "import sys, v3d; made = getattr(v3d, sys.argv[1]); made.__new__(made)"
+        for made in classes:
+            # In a process of its own: the use of such an object would end this one.
+            process = subprocess.run([sys.executable, "-c", use, made.__name__], capture_output=True, text=True)
+            self.assertEqual(process.returncode, 1, made)
+            self.assertIn("TypeError", process.stderr)
 
     def test_of_arrays_of_another_shape_name_the_shape(self):
         camera = v3d.Take(TAKE).cameras["cam01"]

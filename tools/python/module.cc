@@ -120,6 +120,24 @@ void bind_errors(py::module_& module) {
   });
 }
 
+PyObject* new_object(PyTypeObject* type, PyObject* arguments, PyObject* options) {
+  return py::detail::pybind11_object_new(type, arguments, options);
+}
+
+/// Makes Take.__new__(Take) a TypeError. It would return an object without a C++ value, whose use
+/// ends the interpreter. Python rejects the __new__ that a class inherits when the class has
+/// another tp_new than its base; a call of the class uses tp_new itself.
+void reject_new(const py::module_& module) {
+  PyObject* const base = py::detail::get_internals().instance_base;
+  for (const auto& [name, value] : module.attr("__dict__").cast<py::dict>()) {
+    if (!PyType_Check(value.ptr())) continue;
+    auto* const type = reinterpret_cast<PyTypeObject*>(value.ptr());
+    if (PyType_IsSubtype(type, reinterpret_cast<PyTypeObject*>(base)) != 0) {
+      type->tp_new = new_object;
+    }
+  }
+}
+
 }  // namespace
 
 py::str text_of(const std::string& text) {
@@ -144,6 +162,7 @@ PYBIND11_MODULE(_v3d, module) {
   bind_meshes(module);
   bind_motion(module);
   bind_take(module);
+  reject_new(module);
 }
 
 }  // namespace v3d::python
