@@ -238,7 +238,7 @@ void report_default_passes(const ReconstructReport& report, const ReconstructReq
   if (pulses.empty()) return;
   note("--passes live: no intact mesh in mesh.v3d of " + count_of(std::ssize(pulses), "pulse") +
        ", from " + std::to_string(pulses.front()) + " to " + std::to_string(pulses.back()) + ": " +
-       std::to_string(request.live_passes) + " passes there");
+       std::to_string(request.live_passes.value_or(recon::kDefaultLivePasses)) + " passes there");
 }
 
 int run(const CommandLine& line, ReconstructArguments arguments) {

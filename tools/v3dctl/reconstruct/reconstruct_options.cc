@@ -156,7 +156,7 @@ ReconstructRequest request_of(const CommandLine& line, const ReconstructArgument
   if (!arguments.proxy_quality.empty()) {
     request.proxy_quality = parse_quality(arguments.proxy_quality, "--proxy-quality");
   }
-  request.deform = parse_deform(arguments.deform);
+  if (!arguments.deform.empty()) request.deform = parse_deform(arguments.deform);
   if (!arguments.passes.empty()) parse_passes(arguments.passes, {request.take}, request);
   if (arguments.min_views > 0) request.min_views = arguments.min_views;
   request.smooth = !arguments.no_smoothing;

@@ -76,6 +76,23 @@ void complete_proxy(ReconstructRequest& request) {
   }
 }
 
+/// Throws InputError when `option`, which has an effect with `needed` alone, would be ignored.
+void require_quality(const ReconstructRequest& complete, const std::string& option,
+                     Quality needed) {
+  if (complete.quality == needed || complete.proxy_quality == needed) return;
+  const std::string expected(name(needed));
+  throw InputError(option + ": has an effect with " + expected +
+                   " quality alone, and the quality is " + std::string(name(*complete.quality)) +
+                   "; expected --quality " + expected);
+}
+
+void check_quality_options(const ReconstructRequest& complete) {
+  if (complete.live_passes || !complete.pulse_passes.empty()) {
+    require_quality(complete, "--passes", Quality::kMedium);
+  }
+  if (complete.deform) require_quality(complete, "--deform", Quality::kHigh);
+}
+
 }  // namespace
 
 std::string_view name(Quality quality) { return entry_of(quality)->first; }
@@ -137,6 +154,7 @@ ReconstructRequest with_defaults(const ReconstructRequest& request,
                      std::to_string(cameras) + " cameras, the number that takes part");
   }
   complete_proxy(complete);
+  check_quality_options(complete);
   if (!request.bounds) {
     complete.bounds =
         studio ? studio->space.bounds : reported_default_bounds(take.rig(), *complete.min_views);
@@ -164,8 +182,8 @@ recon::ReconstructOptions options_of(const ReconstructRequest& complete, int thr
   options.voxel_m = *complete.voxel_m;
   options.min_views = *complete.min_views;
   options.quality = *complete.quality;
-  options.live_passes = complete.live_passes;
-  options.deform = complete.deform;
+  options.live_passes = complete.live_passes.value_or(recon::kDefaultLivePasses);
+  options.deform = complete.deform.value_or(recon::DeformOptions());
   options.threads = threads;
   return options;
 }
@@ -180,9 +198,9 @@ Json request_to_json(const ReconstructRequest& complete) {
       {"proxy_voxel_m", complete.proxy_voxel_m ? Json(*complete.proxy_voxel_m) : Json(nullptr)},
       {"proxy_quality",
        complete.proxy_quality ? Json(static_cast<int>(*complete.proxy_quality)) : Json(nullptr)},
-      {"live_passes", complete.live_passes},
+      {"live_passes", complete.live_passes.value_or(recon::kDefaultLivePasses)},
       {"pulse_passes", complete.pulse_passes},
-      {"deform", deform_to_json(complete.deform)},
+      {"deform", deform_to_json(complete.deform.value_or(recon::DeformOptions()))},
       {"smooth", complete.smooth},
       {"repair", complete.repair},
       {"repair_pulses", complete.repair_pulses ? Json(*complete.repair_pulses) : Json(nullptr)},

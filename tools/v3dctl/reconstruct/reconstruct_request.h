@@ -36,12 +36,14 @@ struct ReconstructRequest {
   /// A second mesh of each pulse, in proxy.v3d; larger than `voxel_m`. Empty: none.
   std::optional<double> proxy_voxel_m;
   std::optional<Quality> proxy_quality;  ///< at most `quality`; otherwise `quality`
-  /// With medium quality: ReconstructOptions::live_passes.
-  int live_passes = recon::kDefaultLivePasses;
-  std::map<int64_t, int> pulse_passes;  ///< instead of live_passes, of single pulses
-  recon::DeformOptions deform;          ///< with high quality
-  bool smooth = true;                   ///< temporal smoothing, with high quality
-  bool repair = false;                  ///< silhouette repair before the reconstruction
+  /// Only with medium quality, of the mesh or the proxy: ReconstructOptions::live_passes; otherwise
+  /// kDefaultLivePasses.
+  std::optional<int> live_passes;
+  /// Instead of live_passes, of single pulses; as there only with medium quality.
+  std::map<int64_t, int> pulse_passes;
+  std::optional<recon::DeformOptions> deform;  ///< only with high quality; otherwise its defaults
+  bool smooth = true;                          ///< temporal smoothing, with high quality
+  bool repair = false;                         ///< silhouette repair before the reconstruction
   /// Silhouette repair of these pulses as v3d-recond did it; ascending. Not with `repair`.
   std::optional<std::vector<int64_t>> repair_pulses;
   take::FrameRange frames;
@@ -63,9 +65,10 @@ recorded::TakeFrames open_take(const ReconstructRequest& request);
 std::vector<std::string> cameras_without(const take::TakeInfo& info,
                                          const std::vector<std::string>& leave_out);
 
-/// Sets all optional values of the request to their defaults, so that every process uses the same.
-/// Prints default_bounds() on stderr where they are used. Throws InputError for more views than
-/// cameras, and for a proxy with no larger voxels or a higher quality than the mesh.
+/// Sets all optional values of the request that depend on the take or the studio, so that every
+/// process uses the same. Prints default_bounds() on stderr where they are used. Throws InputError
+/// for more views than cameras, for a proxy with no larger voxels or a higher quality than the
+/// mesh, and for passes or parameters of a quality that neither mesh nor proxy has.
 ReconstructRequest with_defaults(const ReconstructRequest& request,
                                  const recorded::TakeFrames& take);
 
