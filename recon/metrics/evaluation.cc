@@ -146,23 +146,24 @@ SurfaceDistance compare_surfaces(const Mesh& reconstructed, const Mesh& truth,
   return d;
 }
 
-SurfaceChange compare_in_time(const MeshAndTruth& before, const MeshAndTruth& now,
-                              const SurfaceDistanceOptions& options) {
+std::optional<SurfaceChange> compare_in_time(const MeshAndTruth& before, const MeshAndTruth& now,
+                                             const SurfaceDistanceOptions& options) {
   for (const Mesh* mesh : {before.mesh, before.truth, now.truth}) {
-    if (mesh->triangles.empty()) return {};
+    if (mesh->triangles.empty()) return std::nullopt;
   }
-  const auto changes =
-      changes_of(sample_surface(*now.mesh, options.samples, options.seed), before, now);
+  const auto samples = sample_surface(*now.mesh, options.samples, options.seed);
+  if (samples.empty()) return std::nullopt;
+  const auto changes = changes_of(samples, before, now);
   const Middle still = middle_of(changes, &PointChange::flicker_m,
                                  [](const PointChange& c) { return c.motion_m <= kStillM; });
   const Middle moving = middle_of(changes, &PointChange::error_m,
                                   [](const PointChange& c) { return c.motion_m >= kMovedM; });
-  return {.still = still.part,
-          .flicker_p50_mm = still.p50_mm,
-          .flicker_p90_mm = still.p90_mm,
-          .moving = moving.part,
-          .moving_p50_mm = moving.p50_mm,
-          .moving_p90_mm = moving.p90_mm};
+  return SurfaceChange{.still = still.part,
+                       .flicker_p50_mm = still.p50_mm,
+                       .flicker_p90_mm = still.p90_mm,
+                       .moving = moving.part,
+                       .moving_p50_mm = moving.p50_mm,
+                       .moving_p90_mm = moving.p90_mm};
 }
 
 std::vector<double> vertex_distances_mm(const Mesh& mesh, const Mesh& truth) {
@@ -256,7 +257,8 @@ VisibilityReport compare_by_visibility(const Mesh& reconstructed, const Mesh& tr
   VisibilityReport report;
   const auto true_samples = sample_surface(truth, options.samples, options.seed);
   const auto made_samples = sample_surface(reconstructed, options.samples, options.seed);
-  if (true_samples.empty() || made_samples.empty()) return report;
+  if (true_samples.empty()) return report;
+  const bool has_mesh = !made_samples.empty();
   const VisibleCameras visible(truth, cameras);
   const NearestTriangle nearest_true(truth), nearest_made(reconstructed);
   const auto normals = vertex_normals(truth);
@@ -264,9 +266,10 @@ VisibilityReport compare_by_visibility(const Mesh& reconstructed, const Mesh& tr
   std::vector<Judged> judged(true_samples.size());
   tbb::parallel_for(size_t{0}, judged.size(), [&](size_t i) {
     judged[i] = {visible.count(true_samples[i]),
-                 nearest_made.find(true_samples[i].position)->distance <= limit_m};
+                 has_mesh && nearest_made.find(true_samples[i].position)->distance <= limit_m};
   });
   add_up(judged, &VisibilityFigures::truth, &VisibilityFigures::truth_within, report);
+  if (!has_mesh) return report;
 
   judged.resize(made_samples.size());
   tbb::parallel_for(size_t{0}, judged.size(), [&](size_t i) {

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -64,9 +65,9 @@ struct MeshAndTruth {
   const Mesh* truth;
 };
 
-/// Points and distances as in compare_surfaces(). All 0 when one of the four meshes has no area.
-SurfaceChange compare_in_time(const MeshAndTruth& before, const MeshAndTruth& now,
-                              const SurfaceDistanceOptions& options = {});
+/// Points and distances as in compare_surfaces(). Empty when one of the four meshes has no area.
+std::optional<SurfaceChange> compare_in_time(const MeshAndTruth& before, const MeshAndTruth& now,
+                                             const SurfaceDistanceOptions& options = {});
 
 /// Distance from each vertex of `mesh` to the nearest point of `truth`, millimetres; infinite when
 /// `truth` has no triangles.
@@ -104,7 +105,8 @@ struct VisibilityReport {
 
 /// A camera sees a point that projects into its image, faces it by less than 78 degrees, and is not
 /// hidden by the true surface. `limit_m` is the largest correct distance, metres. Points as in
-/// compare_surfaces(). All 0 when one of the surfaces has no area.
+/// compare_surfaces(). All 0 when the truth has no area. When the reconstruction has none, the
+/// parts of the truth are known and nothing of it is within the limit.
 VisibilityReport compare_by_visibility(const Mesh& reconstructed, const Mesh& truth,
                                        std::span<const CameraModel> cameras, double limit_m,
                                        const SurfaceDistanceOptions& options = {});

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
 #include <vector>
@@ -10,9 +11,11 @@
 #include "base/io/file.h"
 #include "common/mesh_formats.h"
 #include "recon/figures.h"
+#include "recon/shapes.h"
 #include "support/temporary_folder.h"
 #include "tools/command_outcome.h"
 #include "tools/gliding_take.h"
+#include "v3dctl/evaluate/evaluate.h"
 
 namespace v3d::ctl {
 namespace {
@@ -64,6 +67,57 @@ TEST_F(EvaluateCommand, refuses_files_that_it_cannot_use_before_the_measurements
     EXPECT_THAT(outcome.error, HasSubstr(file));
     EXPECT_EQ(printed_, "") << file;
   }
+}
+
+/// The report of a ball at all pulses of a take but the last `empty` ones. The true ball has moved
+/// by one metre from `first_moved` on.
+TruthReport report_of_still_ball(int empty, int first_moved, int frames) {
+  const test::TemporaryFolder folder;
+  test::write_gliding_take(folder / "take");
+  const Mesh ball = recon::shapes::sphere({0, 0, 0.5F}, 0.2F, 16);
+  Mesh moved = ball;
+  for (Eigen::Vector3f& vertex : moved.vertices) vertex.x() += 1;
+  test::write_still_meshes(folder / "take", ball, {}, empty);
+  fs::create_directory(folder / "truth");
+  for (int frame = 0; frame < frames; ++frame) {
+    write_ply(folder / ("truth/00000" + std::to_string(frame) + ".ply"),
+              frame < first_moved ? ball : moved);
+  }
+  return evaluate_truth({folder / "take"}, folder / "truth");
+}
+
+TEST(EvaluateTruth, measures_the_moving_surface_where_most_pulses_stand_still) {
+  const TruthReport report = report_of_still_ball(0, 3, 4);
+  EXPECT_EQ(report.consecutive, 3);
+  EXPECT_EQ(report.still_frames, 2);
+  EXPECT_EQ(report.moving_frames, 1);
+  EXPECT_GT(report.change.moving_p50_mm, 500);
+  EXPECT_LT(report.change.flicker_p90_mm, 0.01);
+  EXPECT_EQ(report.change.moving, 0) << "the median of the part";
+}
+
+TEST(EvaluateTruth, leaves_out_pulses_without_a_mesh_where_these_have_no_value) {
+  const TruthReport report = report_of_still_ball(4, 6, 6);
+  EXPECT_EQ(report.frames, 6);
+  EXPECT_EQ(report.consecutive, 1);
+  EXPECT_GT(report.change.still, 0.99);
+  double truth = 0, reconstructed = 0;
+  for (const recon::VisibilityFigures& f : report.visibility.seen_by) {
+    truth += f.truth;
+    reconstructed += f.reconstructed;
+  }
+  EXPECT_NEAR(truth, 1, 1e-9);
+  EXPECT_NEAR(reconstructed, 1, 1e-9);
+  EXPECT_NEAR(report.visibility.seen_by[0].truth_within, 1.0 / 3, 0.01);
+}
+
+TEST(EvaluateTruth, has_no_value_of_a_surface_that_never_moves) {
+  nlohmann::ordered_json json;
+  put_truth(json, report_of_still_ball(0, 4, 4));
+  EXPECT_TRUE(json["moving_mm"]["p50"].is_null()) << json;
+  EXPECT_TRUE(json["moving_mm"]["p90"].is_null()) << json;
+  EXPECT_EQ(json["moving_mm"]["moving_part"], 0) << json;
+  EXPECT_TRUE(json["flicker_mm"]["p50"].is_number()) << json;
 }
 
 }  // namespace

@@ -58,9 +58,16 @@ TEST(VisibilityReportTest, reports_the_best_possible_f_score_of_visible_parts) {
   EXPECT_NEAR(report.f_score_if_right_from(2), 2 * recall / (1 + recall), 0.01);
 }
 
-TEST(VisibilityReportTest, of_an_empty_mesh_is_empty) {
+TEST(VisibilityReportTest, of_an_empty_mesh_divides_the_truth_alone) {
   const std::vector<CameraModel> cameras = {looking_from({1, 0, 0})};
-  EXPECT_EQ(compare_by_visibility({}, ball(), cameras, 0.005).f_score_if_right_from(0), 0);
+  const VisibilityReport report = compare_by_visibility({}, ball(), cameras, 0.005);
+  EXPECT_EQ(report.f_score_if_right_from(0), 0);
+  EXPECT_NEAR(report.seen_by[0].truth, 1 - kSeen, 0.01);
+  EXPECT_NEAR(report.seen_by[1].truth, kSeen, 0.01);
+  for (const VisibilityFigures& f : report.seen_by) {
+    EXPECT_EQ(f.truth_within, 0);
+    EXPECT_EQ(f.reconstructed, 0);
+  }
 }
 
 }  // namespace

@@ -34,7 +34,7 @@ inline constexpr double kVisibilityLimitM = 0.005;
 /// part of it.
 inline constexpr double kMaxApart = 0.03;
 
-/// Medians over the frames that have a true surface.
+/// Medians over the frames that have a true surface, where nothing else is said.
 struct TruthReport {
   int64_t frames = 0;
   int64_t without_truth = 0;  ///< frames without a PLY file
@@ -44,8 +44,13 @@ struct TruthReport {
   int64_t joined_frames = 0;           ///< with the true surface in one component (kMaxApart)
   double self_intersections = 0;       ///< pairs of triangles
   recon::VisibilityReport visibility;  ///< by the number of used cameras, kVisibilityLimitM; means
-  int64_t consecutive = 0;             ///< frames whose previous pulse has a true surface, too
-  recon::SurfaceChange change;         ///< medians over the consecutive frames
+  /// Frames with a mesh and a true surface whose previous pulse has both, too.
+  int64_t consecutive = 0;
+  int64_t still_frames = 0;   ///< of these, those where some of the truth did not move
+  int64_t moving_frames = 0;  ///< of these, those where some of the truth moved
+  /// Parts: medians over the consecutive frames. Distances: medians over still_frames or
+  /// moving_frames; 0 where there is none.
+  recon::SurfaceChange change;
 };
 
 /// Compares the meshes with the true surfaces; that of frame 12 is `truth`/000012.ply. Throws

@@ -61,10 +61,15 @@ void put_truth(Json& json, const TruthReport& report) {
   json["seen_by"] = to_json(report.visibility);
   if (report.consecutive == 0) return;
   const recon::SurfaceChange& c = report.change;
-  json["flicker_mm"] = {
-      {"p50", c.flicker_p50_mm}, {"p90", c.flicker_p90_mm}, {"still_part", c.still}};
-  json["moving_mm"] = {
-      {"p50", c.moving_p50_mm}, {"p90", c.moving_p90_mm}, {"moving_part", c.moving}};
+  const auto known = [](int64_t frames, double figure) {
+    return frames > 0 ? Json(figure) : Json(nullptr);
+  };
+  json["flicker_mm"] = {{"p50", known(report.still_frames, c.flicker_p50_mm)},
+                        {"p90", known(report.still_frames, c.flicker_p90_mm)},
+                        {"still_part", c.still}};
+  json["moving_mm"] = {{"p50", known(report.moving_frames, c.moving_p50_mm)},
+                       {"p90", known(report.moving_frames, c.moving_p90_mm)},
+                       {"moving_part", c.moving}};
 }
 
 Json to_json(const MotionReport& report) {
@@ -119,12 +124,13 @@ void put_held_out(Json& json, const std::vector<HeldOutReport>& reports) {
   }
 }
 
-void print_change(const recon::SurfaceChange& change) {
-  if (change.still > 0) {
+void print_change(const TruthReport& report) {
+  const recon::SurfaceChange& change = report.change;
+  if (report.still_frames > 0) {
     std::printf("flicker       %.2f mm (median), %.2f mm (90 %%) of the still surface (%.0f %%)\n",
                 change.flicker_p50_mm, change.flicker_p90_mm, 100 * change.still);
   }
-  if (change.moving > 0) {
+  if (report.moving_frames > 0) {
     std::printf("moving        %.2f mm (median), %.2f mm (90 %%) of the moving surface (%.0f %%)\n",
                 change.moving_p50_mm, change.moving_p90_mm, 100 * change.moving);
   }
@@ -151,7 +157,7 @@ void print_truth(const TruthReport& report) {
       seen[0].truth, seen[1].truth, report.visibility.f_score_if_right_from(2));
   std::printf("normals       %.1f degrees error\n", d.normal_error_deg);
   std::printf("intersections %.0f pairs of triangles\n", report.self_intersections);
-  if (report.consecutive > 0) print_change(report.change);
+  if (report.consecutive > 0) print_change(report);
 }
 
 void print_held_out(const std::vector<HeldOutReport>& reports) {

@@ -1,6 +1,7 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "base/core/error.h"
@@ -47,24 +48,58 @@ constexpr double recon::SurfaceDistance::*kDistances[] = {
     &recon::SurfaceDistance::covered_10mm,
     &recon::SurfaceDistance::covered_10mm_by_largest,
     &recon::SurfaceDistance::normal_error_deg};
-constexpr double recon::VisibilityFigures::*kVisibilityValues[] = {
-    &recon::VisibilityFigures::truth, &recon::VisibilityFigures::truth_within,
-    &recon::VisibilityFigures::reconstructed, &recon::VisibilityFigures::reconstructed_within};
-constexpr double recon::SurfaceChange::*kChanges[] = {
-    &recon::SurfaceChange::still,          &recon::SurfaceChange::flicker_p50_mm,
-    &recon::SurfaceChange::flicker_p90_mm, &recon::SurfaceChange::moving,
-    &recon::SurfaceChange::moving_p50_mm,  &recon::SurfaceChange::moving_p90_mm};
+constexpr double recon::SurfaceChange::*kParts[] = {&recon::SurfaceChange::still,
+                                                    &recon::SurfaceChange::moving};
+constexpr double recon::SurfaceChange::*kFlicker[] = {&recon::SurfaceChange::flicker_p50_mm,
+                                                      &recon::SurfaceChange::flicker_p90_mm};
+constexpr double recon::SurfaceChange::*kMotion[] = {&recon::SurfaceChange::moving_p50_mm,
+                                                     &recon::SurfaceChange::moving_p90_mm};
+
+/// The changes that have this part of the surface: others have no distances there.
+std::vector<recon::SurfaceChange> changes_with(double recon::SurfaceChange::*part,
+                                               const std::vector<recon::SurfaceChange>& changes) {
+  std::vector<recon::SurfaceChange> some;
+  std::ranges::copy_if(changes, std::back_inserter(some),
+                       [&](const recon::SurfaceChange& change) { return change.*part > 0; });
+  return some;
+}
+
+void put_changes(const std::vector<recon::SurfaceChange>& changes, TruthReport& report) {
+  const auto still = changes_with(&recon::SurfaceChange::still, changes);
+  const auto moving = changes_with(&recon::SurfaceChange::moving, changes);
+  report.consecutive = std::ssize(changes);
+  report.still_frames = std::ssize(still);
+  report.moving_frames = std::ssize(moving);
+  report.change = medians(changes, kParts);
+  const recon::SurfaceChange flicker = medians(still, kFlicker), motion = medians(moving, kMotion);
+  for (const auto figure : kFlicker) report.change.*figure = flicker.*figure;
+  for (const auto figure : kMotion) report.change.*figure = motion.*figure;
+}
+
+/// Mean of a figure over the frames where the surface that `part` divides has an area.
+double mean_of(const std::vector<recon::VisibilityReport>& frames, size_t n,
+               double recon::VisibilityFigures::*figure, double recon::VisibilityFigures::*part) {
+  std::vector<double> values;
+  for (const recon::VisibilityReport& frame : frames) {
+    const bool has_area = std::ranges::any_of(
+        frame.seen_by, [&](const recon::VisibilityFigures& f) { return f.*part > 0; });
+    if (has_area) values.push_back(frame.seen_by[n].*figure);
+  }
+  return mean(values);
+}
 
 recon::VisibilityReport mean_of(const std::vector<recon::VisibilityReport>& frames) {
-  recon::VisibilityReport mean;
-  for (const recon::VisibilityReport& frame : frames) {
-    for (size_t n = 0; n < mean.seen_by.size(); ++n) {
-      for (const auto figure : kVisibilityValues) {
-        mean.seen_by[n].*figure += frame.seen_by[n].*figure / static_cast<double>(frames.size());
-      }
+  using Figures = recon::VisibilityFigures;
+  recon::VisibilityReport means;
+  for (size_t n = 0; n < means.seen_by.size(); ++n) {
+    for (const auto figure : {&Figures::truth, &Figures::truth_within}) {
+      means.seen_by[n].*figure = mean_of(frames, n, figure, &Figures::truth);
+    }
+    for (const auto figure : {&Figures::reconstructed, &Figures::reconstructed_within}) {
+      means.seen_by[n].*figure = mean_of(frames, n, figure, &Figures::reconstructed);
     }
   }
-  return mean;
+  return means;
 }
 
 /// A mesh, the true surface of its frame and the used cameras.
@@ -83,8 +118,9 @@ class TruthMeter {
     visibilities_.push_back(recon::compare_by_visibility(current.mesh, current.truth,
                                                          current.cameras, kVisibilityLimitM));
     if (previous_ && previous_->frame + 1 == current.frame) {
-      changes_.push_back(recon::compare_in_time({&previous_->mesh, &previous_->truth},
-                                                {&current.mesh, &current.truth}));
+      const auto change = recon::compare_in_time({&previous_->mesh, &previous_->truth},
+                                                 {&current.mesh, &current.truth});
+      if (change) changes_.push_back(*change);
     }
     previous_ = std::move(current);
   }
@@ -101,8 +137,7 @@ class TruthMeter {
     }
     report.self_intersections = median(intersections_);
     report.visibility = mean_of(visibilities_);
-    report.consecutive = std::ssize(changes_);
-    report.change = medians(changes_, kChanges);
+    put_changes(changes_, report);
     return report;
   }
 

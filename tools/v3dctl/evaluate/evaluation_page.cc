@@ -41,13 +41,13 @@ std::string truth_rows(const EvaluationPage& page) {
     });
   };
   // Empty without such parts, for instance with a single frame.
-  const auto of_change = [&](const char* name, double recon::SurfaceChange::*part,
+  const auto of_change = [&](const char* name, int64_t TruthReport::*frames,
                              double recon::SurfaceChange::*figure) {
     const bool any = std::ranges::any_of(
-        page.columns, [&](const EvaluationColumn& c) { return c.truth->change.*part > 0; });
+        page.columns, [&](const EvaluationColumn& c) { return (*c.truth).*frames > 0; });
     if (!any) return std::string();
     return row(page, name, [&](const EvaluationColumn& c) {
-      return c.truth->change.*part > 0 ? number(c.truth->change.*figure, 2) : "";
+      return (*c.truth).*frames > 0 ? number(c.truth->change.*figure, 2) : "";
     });
   };
   return of_distance("accuracy (mesh to truth): median, mm",
@@ -67,13 +67,13 @@ std::string truth_rows(const EvaluationPage& page) {
              }) +
          row(page, "pairs of intersecting triangles",
              [](const EvaluationColumn& c) { return number(c.truth->self_intersections, 0); }) +
-         of_change("flicker of still surface: median, mm", &recon::SurfaceChange::still,
+         of_change("flicker of still surface: median, mm", &TruthReport::still_frames,
                    &recon::SurfaceChange::flicker_p50_mm) +
-         of_change("flicker: 90th percentile, mm", &recon::SurfaceChange::still,
+         of_change("flicker: 90th percentile, mm", &TruthReport::still_frames,
                    &recon::SurfaceChange::flicker_p90_mm) +
-         of_change("error of moving surface: median, mm", &recon::SurfaceChange::moving,
+         of_change("error of moving surface: median, mm", &TruthReport::moving_frames,
                    &recon::SurfaceChange::moving_p50_mm) +
-         of_change("moving: 90th percentile, mm", &recon::SurfaceChange::moving,
+         of_change("moving: 90th percentile, mm", &TruthReport::moving_frames,
                    &recon::SurfaceChange::moving_p90_mm);
 }
 
