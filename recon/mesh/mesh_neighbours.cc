@@ -139,14 +139,21 @@ class EdgeHalver {
 
  private:
   std::optional<uint32_t> middle_of(uint32_t a, uint32_t b) {
-    if (!((vertices_[a] - vertices_[b]).norm() > max_m_)) return {};
+    const float length = (vertices_[a] - vertices_[b]).norm();
+    if (!(length > max_m_)) return {};
     const auto [low, high] = std::minmax(a, b);
+    const Eigen::Vector3f middle = 0.5F * (vertices_[low] + vertices_[high]);
+    const float half =
+        std::max((middle - vertices_[low]).norm(), (middle - vertices_[high]).norm());
+    if (!(half <= kMaxHalf * length)) return {};
     const auto [found, added] =
         middles_.try_emplace(uint64_t{low} << 32 | high, static_cast<uint32_t>(vertices_.size()));
-    if (added) vertices_.emplace_back(0.5F * (vertices_[low] + vertices_[high]));
+    if (added) vertices_.push_back(middle);
     return found->second;
   }
 
+  /// Single precision rounds the middle of an edge whose longer half is longer than this part.
+  static constexpr float kMaxHalf = 0.75F;
   const float max_m_;
   std::vector<Eigen::Vector3f>& vertices_;
   std::unordered_map<uint64_t, uint32_t> middles_;
@@ -160,6 +167,20 @@ double mean_edge(const Mesh& mesh) {
     sum += (mesh.vertices[a] - mesh.vertices[b]).norm();
   }
   return sum / static_cast<double>(std::max<size_t>(1, mesh.triangles.size()));
+}
+
+double added_triangles(const Mesh& mesh, double max_m) {
+  double added = 0;
+  for (const auto& t : mesh.triangles) {
+    std::array<double, 3> parts{};
+    for (size_t k = 0; k < 3; ++k) {
+      const Eigen::Vector3f edge = mesh.vertices[t[k]] - mesh.vertices[t[(k + 1) % 3]];
+      parts[k] = std::max(1.0, edge.cast<double>().norm() / max_m);
+    }
+    std::ranges::sort(parts);
+    added += parts[0] * parts[2] - 1;
+  }
+  return added;
 }
 
 Mesh with_short_edges(const Mesh& mesh, double max_m) {

@@ -104,9 +104,14 @@ Eigen::Vector3f internal_force(const Neighbours& neighbours,
 /// of marching cubes. 0 without triangles.
 double mean_edge(const Mesh& mesh);
 
+/// Approximate number of triangles that with_short_edges() adds, within a factor of about four.
+double added_triangles(const Mesh& mesh, double max_m);
+
 /// The same surface with no edge longer than `max_m` metres. Longer edges are halved, in both
-/// triangles alike, so that no cracks appear. The vertices of `mesh` come first and do not move;
-/// colours are left out. Requires max_m > 0.
+/// triangles alike, so that no cracks appear. An edge far from the origin stays where single
+/// precision rounds its middle to one of its ends, or near it. The vertices of `mesh` come first
+/// and do not move; colours are left out. Memory is not limited: see added_triangles(). Requires
+/// max_m > 0.
 Mesh with_short_edges(const Mesh& mesh, double max_m);
 
 }  // namespace v3d::recon

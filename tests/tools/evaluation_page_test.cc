@@ -4,6 +4,9 @@
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
 #include "base/io/file.h"
+#include "common/mesh_formats.h"
+#include "daemon/recorded/mesh_frames.h"
+#include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/take.h"
 #include "tools/command_outcome.h"
@@ -16,6 +19,7 @@
 namespace v3d::ctl {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 using testing::MatchesRegex;
 namespace fs = std::filesystem;
@@ -103,6 +107,24 @@ TEST_F(EvaluationPages, have_empty_cells_for_a_camera_without_frames) {
   for (const char* const name : {"a: PSNR, dB", "a: SSIM", "a: silhouette, IoU"}) {
     EXPECT_THAT(html, HasSubstr(std::string("<td>") + name + "</td><td></td>"));
   }
+}
+
+TEST_F(EvaluationPages, reject_a_truth_that_is_too_large_or_too_far_for_the_edges_of_the_mesh) {
+  const fs::path take = folder_ / "take", truth = folder_ / "truth";
+  make_take_without_a(folder_.path(), take);
+  fs::create_directory(truth);
+  const Mesh mesh = recorded::MeshFrames(take).read(0).mesh;
+  const auto rejection = [&](float factor, float moved) {
+    Mesh other = mesh;
+    for (Eigen::Vector3f& p : other.vertices) p = factor * p + Eigen::Vector3f(moved, 0, 0);
+    write_ply(truth / "000000.ply", other);
+    return test::message_of<InputError>(
+        [&] { evaluate_held_out({take}, {.cameras = {"a"}, .truth = truth}); });
+  };
+  const auto names_the_file =
+      AllOf(HasSubstr("000000.ply: "), HasSubstr("expected metres in the coordinates"));
+  EXPECT_THAT(rejection(1000, 0), AllOf(names_the_file, HasSubstr("further triangles")));
+  EXPECT_THAT(rejection(1, 500'000), AllOf(names_the_file, HasSubstr("too far from the origin")));
 }
 
 }  // namespace

@@ -38,6 +38,32 @@ TEST(MeshEdges, that_are_short_enough_are_unchanged) {
   EXPECT_EQ(same.vertices.size(), mesh.vertices.size());
 }
 
+TEST(MeshEdges, that_single_precision_cannot_halve_stay) {
+  // Coordinates at 500 km have steps of 1/32 m.
+  constexpr float kFar = 500'000, kStep = 1.0F / 32;
+  Mesh mesh;
+  mesh.vertices = {{kFar, 0, 0}, {kFar + kStep, 0, 0}, {kFar, 0, 4 * kStep}};
+  mesh.triangles = {{0, 1, 2}};
+  const Mesh fine = with_short_edges(mesh, 0.02);
+  EXPECT_GT(fine.triangles.size(), 4U);
+  EXPECT_GE(longest_edge(fine), kStep);
+  EXPECT_LE(longest_edge(fine), 2 * kStep);
+}
+
+TEST(MeshEdges, have_a_known_number_before_they_are_halved) {
+  Mesh mesh;
+  mesh.vertices = {{0, 0, 0}, {0.8F, 0, 0}, {0, 0.8F, 0}, {0, 0.01F, 0}};
+  mesh.triangles = {{0, 1, 2}};
+  const auto added = [&](double max_m) {
+    return static_cast<double>(with_short_edges(mesh, max_m).triangles.size() - 1);
+  };
+  EXPECT_EQ(added_triangles(mesh, 2), 0);
+  EXPECT_LT(added(0.05), 4 * added_triangles(mesh, 0.05));
+  EXPECT_LT(added_triangles(mesh, 0.05), 4 * added(0.05));
+  mesh.triangles = {{0, 1, 3}};
+  EXPECT_LT(added_triangles(mesh, 0.05), 20) << "a thin triangle";
+}
+
 TEST(MeshEdges, have_a_mean_length) {
   Mesh mesh;
   mesh.vertices = {{0, 0, 0}, {3, 0, 0}, {0, 1, 0}, {0, 0, 5}};

@@ -56,6 +56,8 @@ struct TruthReport {
 /// Compares the meshes with the true surfaces; that of frame 12 is `truth`/000012.ply. Throws
 /// InputError when no frame has one.
 TruthReport evaluate_truth(const EvaluatedMeshes& evaluated, const std::filesystem::path& truth);
+/// The file of the true surface of a frame.
+std::filesystem::path truth_path(const std::filesystem::path& truth, int64_t frame);
 /// True surface of a frame; empty when there is none.
 std::optional<Mesh> read_truth(const std::filesystem::path& truth, int64_t frame);
 
@@ -91,7 +93,8 @@ struct HeldOutRequest {
 };
 
 /// Compares renderings of the meshes with the photographs of held-out cameras (HeldOutView). Throws
-/// InputError for a camera that the take does not have, and for one that took part.
+/// InputError for a camera that the take does not have, for one that took part, and for a true
+/// surface that cannot have edges as short as those of the mesh.
 std::vector<HeldOutReport> evaluate_held_out(const EvaluatedMeshes& evaluated,
                                              const HeldOutRequest& request);
 

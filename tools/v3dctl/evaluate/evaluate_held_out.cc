@@ -1,8 +1,11 @@
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
+#include <limits>
 
 #include "base/core/error.h"
 #include "base/core/statistics.h"
+#include "base/core/text.h"
 #include "base/image/colour.h"
 #include "common/console.h"
 #include "daemon/recorded/mesh_frames.h"
@@ -74,14 +77,42 @@ class HeldOutSamples {
   int64_t missing_ = 0;
 };
 
+/// Step between the coordinates that single precision can represent at the farthest vertex, metres.
+double precision_of(const Mesh& mesh) {
+  float farthest = 0;
+  for (const Eigen::Vector3f& p : mesh.vertices) {
+    farthest = std::max(farthest, p.cwiseAbs().maxCoeff());
+  }
+  return double{std::nextafter(farthest, std::numeric_limits<float>::infinity())} - farthest;
+}
+
+/// Throws InputError for a true surface that edges of `edge_m` metres would divide into more
+/// triangles than memory holds, or that single precision cannot divide so finely.
+void check_resampling(const std::string& file, const Mesh& true_surface, double edge_m) {
+  constexpr double kMaxAdded = 1 << 23;
+  constexpr double kEdgeShare = 1.0 / 16;
+  const std::string edges = "edges as long as those of the mesh, " + format_length(edge_m);
+  if (!(precision_of(true_surface) <= kEdgeShare * edge_m)) {
+    throw InputError(file + ": is too far from the origin for " + edges +
+                     "; expected metres in the coordinates of the take");
+  }
+  if (!(recon::added_triangles(true_surface, edge_m) <= kMaxAdded)) {
+    throw InputError(file + ": would have more than " + format_count(1 << 23) +
+                     " further triangles with " + edges +
+                     "; expected metres in the coordinates of the take");
+  }
+}
+
 /// True surface with about the vertex spacing of `mesh`, so that vertex colours are comparable.
+/// Empty without a file, and for a mesh without a length.
 std::optional<Mesh> read_resampled_truth(const Mesh& mesh, const std::filesystem::path& truth,
                                          int64_t frame) {
-  if (truth.empty() || mesh.triangles.empty()) return {};
+  const double edge_m = recon::mean_edge(mesh);
+  if (truth.empty() || !(edge_m > 0)) return {};
   const auto true_surface = read_truth(truth, frame);
-  return true_surface
-             ? std::optional(recon::with_short_edges(*true_surface, recon::mean_edge(mesh)))
-             : std::nullopt;
+  if (!true_surface) return {};
+  check_resampling(truth_path(truth, frame).string(), *true_surface, edge_m);
+  return recon::with_short_edges(*true_surface, edge_m);
 }
 
 }  // namespace

@@ -19,10 +19,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-fs::path truth_path(const fs::path& folder, int64_t frame) {
-  return folder / fmt::format("{:06}.ply", frame);
-}
-
 /// Median of each value.
 template <class Figures, size_t kCount>
 Figures medians(const std::vector<Figures>& frames, double Figures::*const (&figures)[kCount]) {
@@ -158,6 +154,10 @@ std::vector<CameraModel> models_of(const Rig& rig, const std::vector<std::string
 }
 
 }  // namespace
+
+fs::path truth_path(const fs::path& truth, int64_t frame) {
+  return truth / fmt::format("{:06}.ply", frame);
+}
 
 recorded::MeshFrames open_meshes(const EvaluatedMeshes& evaluated) {
   return evaluated.meshes ? recorded::MeshFrames(evaluated.take, *evaluated.meshes)
