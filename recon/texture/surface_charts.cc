@@ -246,6 +246,8 @@ void turn_to_small_rectangle(const Mesh& mesh, Chart& chart) {
 /// Separates the triangles of a part that its projection shows one to one from the others.
 class OverlapTest {
  public:
+  static constexpr int kOrigin = 1 << 20;  ///< coordinates of for_each_span() start at 0
+
   OverlapTest(const Mesh& mesh, const std::vector<Eigen::Vector3f>& normals, float cell_m)
       : mesh_(mesh), normals_(normals), cell_m_(cell_m) {}
 
@@ -287,7 +289,6 @@ class OverlapTest {
     return is_free;
   }
 
-  static constexpr int kOrigin = 1 << 20;  ///< coordinates of for_each_span() start at 0
   const Mesh& mesh_;
   const std::vector<Eigen::Vector3f>& normals_;
   const float cell_m_;
@@ -352,13 +353,31 @@ Eigen::Vector3f direction_for(const std::vector<uint32_t>& triangles,
   return first.isZero() ? Eigen::Vector3f::UnitZ() : first;
 }
 
+/// At least `cell_m`, such that the cells of the mesh fit into memory and into the coordinates of
+/// OverlapTest, also with a triangle that is much larger than the others.
+double limited_cell(const Mesh& mesh, double cell_m) {
+  constexpr double kMaxCells = 1 << 24;
+  double area_m2 = 0, rows_m = 0, farthest_m = 0;
+  for (const auto& t : mesh.triangles) {
+    const Eigen::Vector3d p = mesh.vertices[t[0]].cast<double>();
+    const Eigen::Vector3d b = mesh.vertices[t[1]].cast<double>() - p;
+    const Eigen::Vector3d c = mesh.vertices[t[2]].cast<double>() - p;
+    area_m2 += b.cross(c).norm() / 2;
+    rows_m += std::max(b.norm(), c.norm());
+    farthest_m = std::max({farthest_m, p.norm(), (p + b).norm(), (p + c).norm()});
+  }
+  return std::max({cell_m, std::sqrt(area_m2 / kMaxCells), rows_m / kMaxCells,
+                   farthest_m / (OverlapTest::kOrigin - 1)});
+}
+
 }  // namespace
 
 std::vector<Chart> surface_charts(const Mesh& mesh, double cell_m) {
   if (mesh.triangles.empty()) return {};
   const Labelling labelling(mesh);
   if (cell_m <= 0) cell_m = mean_edge(mesh) / 3;
-  OverlapTest test(mesh, labelling.normals(), std::max(1e-5F, static_cast<float>(cell_m)));
+  cell_m = limited_cell(mesh, std::max(1e-5, cell_m));
+  OverlapTest test(mesh, labelling.normals(), static_cast<float>(cell_m));
   std::vector<Chart> charts;
   std::vector<Part> waiting = labelling.parts();
   for (size_t i = 0; i < waiting.size(); ++i) {

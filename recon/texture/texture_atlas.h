@@ -29,7 +29,9 @@ struct Chart {
 /// Each triangle prefers the nearest of 14 directions (axes and space diagonals) to the smoothed
 /// normal of the surface; neighbours prefer the same one. Small parts join a neighbour. Triangles
 /// that a projection would turn over or hide behind others get charts of their own, so the
-/// projection of `triangles` is one to one down to `cell_m` metres (0: a third of the mean edge).
+/// projection of `triangles` is one to one down to `cell_m` metres (0: a third of the mean edge),
+/// or to larger cells where the surface would have more than 2^24 of these, so that a crafted mesh
+/// needs less than a gigabyte.
 /// Only folds of a few triangles stay as `folded`: charts of their own would need many texels for
 /// parts that hardly any camera sees. The axes give a chart a small bounding rectangle.
 /// Deterministic. One thread.

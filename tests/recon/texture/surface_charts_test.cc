@@ -110,6 +110,17 @@ TEST(SurfaceCharts, keep_a_small_fold_inside) {
   EXPECT_EQ(charts[0].folded.size() + charts[0].triangles.size(), mesh.triangles.size());
 }
 
+TEST(SurfaceCharts, have_coarser_cells_where_a_triangle_would_have_more_than_memory_holds) {
+  // The last triangle has 5 * 10^11 cells of the requested size.
+  Mesh mesh = shapes::sphere({0, 0, 0}, 0.5F, 16);
+  const auto first = static_cast<uint32_t>(mesh.vertices.size());
+  mesh.vertices.insert(mesh.vertices.end(), {{0, 0, 5}, {100, 0, 5}, {0, 100, 5}});
+  mesh.triangles.push_back({first, first + 1, first + 2});
+  for (const int count : charts_per_triangle(mesh, surface_charts(mesh, 1e-4))) {
+    EXPECT_EQ(count, 1);
+  }
+}
+
 TEST(SurfaceCharts, of_an_empty_mesh_are_none) { EXPECT_TRUE(surface_charts({}).empty()); }
 
 }  // namespace
