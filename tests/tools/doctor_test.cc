@@ -4,7 +4,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -16,6 +15,7 @@
 #include "base/config/calib_file.h"
 #include "support/child_process.h"
 #include "support/temporary_folder.h"
+#include "support/without_rights.h"
 #include "wire/member_list.h"
 #include "wire/secret_keys.h"
 
@@ -409,24 +409,6 @@ TEST(Doctor, requires_a_studio_key_that_only_its_owner_can_read) {
   EXPECT_EQ(check_key_file(path).remedy, "chmod 640 " + path.string());
 }
 
-/// Until destruction, this process may read what every user may, also when it is that of root.
-class WithoutRights {
- public:
-  WithoutRights() : user_(geteuid()) {
-    if (user_ == 0) is_set_ = seteuid(65534) == 0;
-  }
-  ~WithoutRights() {
-    if (user_ == 0 && is_set_ && seteuid(user_) != 0) std::abort();
-  }
-  WithoutRights(const WithoutRights&) = delete;
-  WithoutRights& operator=(const WithoutRights&) = delete;
-  bool is_set() const { return is_set_; }
-
- private:
-  uid_t user_;
-  bool is_set_ = true;
-};
-
 TEST(Doctor, has_no_verdict_about_a_studio_key_that_this_user_may_not_read) {
   const test::TemporaryFolder folder;
   std::filesystem::permissions(folder.path(), std::filesystem::perms(0755));
@@ -442,7 +424,7 @@ TEST(Doctor, has_no_verdict_about_a_studio_key_that_this_user_may_not_read) {
   set_modes(0, 0);
   std::vector<Finding> findings;
   {
-    const WithoutRights rights;
+    const test::WithoutRights rights;
     if (!rights.is_set()) GTEST_SKIP() << "skipped: this system does not permit another user";
     EXPECT_NO_THROW(findings.push_back(check_key_file(folder / "studio.key")));
     EXPECT_NO_THROW(findings.push_back(check_key_file(closed / "studio.key")));
