@@ -1,7 +1,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "base/config/calib_file.h"
 #include "base/core/error.h"
 #include "base/io/file.h"
 #include "common/mesh_formats.h"
@@ -11,9 +10,8 @@
 #include "take/take.h"
 #include "tools/command_outcome.h"
 #include "tools/gliding_take.h"
-#include "tools/test_images.h"
+#include "tools/imported_ball.h"
 #include "v3dctl/evaluate/evaluate.h"
-#include "v3dctl/import/import.h"
 #include "v3dctl/reconstruct/take_reconstruction.h"
 
 namespace v3d::ctl {
@@ -54,16 +52,7 @@ int count(const std::string& text, std::string_view word) {
 
 /// Imports a take of a ball in six cameras and reconstructs it without the camera a.
 void make_take_without_a(const fs::path& folder, const fs::path& take) {
-  const Rig rig = test::small_rig(6);
-  save_calib(folder / "calib.toml", rig);
-  test::write_pictures(folder / "images", rig, test::ball_image);
-  test::write_pictures(folder / "masks", rig, test::ball_mask);
-  ImportOptions import;
-  import.take = take;
-  import.calib = folder / "calib.toml";
-  import.images = folder / "images";
-  import.masks = folder / "masks";
-  import_take(import);
+  test::import_ball(folder, 6, take);
   ReconstructRequest request;
   request.take = take;
   request.bounds = Box{{-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5}};

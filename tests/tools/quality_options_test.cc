@@ -1,13 +1,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "base/config/calib_file.h"
 #include "base/core/error.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
 #include "take/take.h"
-#include "tools/test_images.h"
-#include "v3dctl/import/import.h"
+#include "tools/imported_ball.h"
 #include "v3dctl/reconstruct/reconstruct_options.h"
 #include "v3dctl/reconstruct/reconstruct_request.h"
 #include "v3dctl/reconstruct/take_reconstruction.h"
@@ -22,16 +20,8 @@ using testing::HasSubstr;
 class QualityOptions : public testing::Test {
  protected:
   QualityOptions() {
-    const Rig rig = test::small_rig(8);
-    save_calib(folder_ / "calib.toml", rig);
-    test::write_pictures(folder_ / "images", rig, test::ball_image);
-    test::write_pictures(folder_ / "masks", rig, test::ball_mask);
-    ImportOptions import;
-    import.take = request_.take = folder_ / "take";
-    import.calib = folder_ / "calib.toml";
-    import.images = folder_ / "images";
-    import.masks = folder_ / "masks";
-    import_take(import);
+    request_.take = folder_ / "take";
+    test::import_ball(folder_.path(), 8, request_.take);
     request_.bounds = Box{{-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5}};
     request_.voxel_m = 0.02;
     request_.threads = 2;

@@ -24,6 +24,7 @@
 #include "take/logs/mesh_file.h"
 #include "take/take.h"
 #include "take/take_lock.h"
+#include "tools/imported_ball.h"
 #include "tools/test_images.h"
 #include "v3dctl/evaluate/evaluate.h"
 #include "v3dctl/export/mesh_export.h"
@@ -43,11 +44,8 @@ namespace fs = std::filesystem;
 class Reconstruct : public testing::Test {
  protected:
   Reconstruct() {
-    const Rig rig = test::small_rig(8);
-    save_calib(folder_ / "calib.toml", rig);
-    test::write_pictures(folder_ / "images", rig, test::ball_image);
-    test::write_pictures(folder_ / "masks", rig, test::ball_mask);
-    import_as("take");
+    request_.take = folder_ / "take";
+    test::import_ball(folder_.path(), 8, request_.take);
     request_.bounds = Box{{-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5}};
     request_.voxel_m = 0.02;
     request_.threads = 2;
