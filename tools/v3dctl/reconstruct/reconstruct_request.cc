@@ -81,9 +81,8 @@ void require_quality(const ReconstructRequest& complete, const std::string& opti
                      Quality needed) {
   if (complete.quality == needed || complete.proxy_quality == needed) return;
   const std::string expected(name(needed));
-  throw InputError(option + ": has an effect with " + expected +
-                   " quality alone, and the quality is " + std::string(name(*complete.quality)) +
-                   "; expected --quality " + expected);
+  throw InputError(option + ": only " + expected + " quality uses it, but the quality is " +
+                   std::string(name(*complete.quality)) + "; expected --quality " + expected);
 }
 
 void check_quality_options(const ReconstructRequest& complete) {
