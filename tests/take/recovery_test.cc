@@ -6,10 +6,10 @@
 
 #include "base/core/error.h"
 #include "base/io/file.h"
-#include "open_faults.h"
 #include "recording.h"
 #include "support/begun_take.h"
 #include "support/message_of.h"
+#include "support/open_faults.h"
 #include "support/studio_text.h"
 #include "support/temporary_folder.h"
 #include "support/unreadable_byte.h"

@@ -12,10 +12,10 @@
 #include <memory>
 
 #include "base/core/error.h"
-#include "open_faults.h"
 #include "recording.h"
 #include "support/begun_take.h"
 #include "support/lock_holder.h"
+#include "support/open_faults.h"
 #include "support/temporary_folder.h"
 #include "take/ledger/take_account.h"
 #include "take/logs/frame_log.h"

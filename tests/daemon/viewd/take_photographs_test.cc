@@ -9,6 +9,7 @@
 #include "base/image/image_files.h"
 #include "daemon/viewd/take_pictures.h"
 #include "support/child_process.h"
+#include "support/open_faults.h"
 #include "viewed_site.h"
 
 namespace v3d::viewd {
@@ -233,7 +234,7 @@ TEST_F(PhotographSite, reports_no_picture_as_missing_when_it_cannot_list_the_fol
                              "/api/takes/kendo-07/thumbnail.jpg", "/api/takes/kendo-07/views/1"}) {
     const web::WebResponse deferred =
         site.respond({.method = "GET", .target = target, .host = "localhost"});
-    const test::NoFreeDescriptor limit;
+    const test::NoDescriptorsLeft none;
     EXPECT_EQ(done(deferred).status, 500) << target;
   }
 }

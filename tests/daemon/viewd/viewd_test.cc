@@ -12,6 +12,7 @@
 #include "daemon/control/reply_json.h"
 #include "daemon/web/web_access.h"
 #include "support/child_process.h"
+#include "support/open_faults.h"
 #include "support/without_rights.h"
 #include "viewed_site.h"
 
@@ -267,7 +268,7 @@ TEST_F(ViewedSite, answers_503_for_a_file_when_it_has_no_free_descriptor) {
       .method = "GET", .target = "/takes/kendo-07/mesh.v3d", .host = "localhost"};
   const auto status = [&] { return done(site.respond(request)).status; };
   const auto status_without_descriptor = [&] {
-    const test::NoFreeDescriptor limit;
+    const test::NoDescriptorsLeft none;
     return status();
   };
   EXPECT_EQ(status_without_descriptor(), 503);

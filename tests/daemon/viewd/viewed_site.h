@@ -2,7 +2,6 @@
 #pragma once
 
 #include <gtest/gtest.h>
-#include <sys/resource.h>
 
 #include <filesystem>
 #include <fstream>
@@ -37,22 +36,6 @@ inline std::vector<std::string> open_files_in(const std::filesystem::path& folde
   }
   return files;
 }
-
-/// The process opens no descriptor during the lifetime.
-class NoFreeDescriptor {
- public:
-  NoFreeDescriptor() {
-    getrlimit(RLIMIT_NOFILE, &before_);
-    const rlimit none{0, before_.rlim_max};
-    setrlimit(RLIMIT_NOFILE, &none);
-  }
-  ~NoFreeDescriptor() { setrlimit(RLIMIT_NOFILE, &before_); }
-  NoFreeDescriptor(const NoFreeDescriptor&) = delete;
-  NoFreeDescriptor& operator=(const NoFreeDescriptor&) = delete;
-
- private:
-  rlimit before_{};
-};
 
 class ViewedSite : public testing::Test {
  protected:

@@ -1,6 +1,5 @@
-#include "open_faults.h"
+#include "support/open_faults.h"
 
-#include <dirent.h>
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <unistd.h>
@@ -17,7 +16,7 @@ std::atomic<bool> has_no_descriptors = false;
 std::atomic<bool> is_full = false;
 std::string full_folder;  ///< set before `is_full`
 
-/// The errno with which open() fails; 0: it is not concerned.
+/// The errno with which opening `path` fails; 0: it is not concerned.
 int fault(const char* path, int flags) {
   if (has_no_descriptors) return EMFILE;
   const bool is_new = is_full && (flags & O_CREAT) != 0 && access(path, F_OK) != 0;
@@ -46,11 +45,17 @@ extern "C" int open(const char* path, int flags, ...) {
   return next(path, flags, mode);
 }
 
-extern "C" DIR* opendir(const char* path) {
-  static auto* const next = reinterpret_cast<DIR* (*)(const char*)>(dlsym(RTLD_NEXT, "opendir"));
-  if (v3d::test::has_no_descriptors) {
-    errno = EMFILE;
-    return nullptr;
+// With it, std::filesystem opens the folder that it lists.
+extern "C" int openat(int folder, const char* path, int flags, ...) {
+  static auto* const next =
+      reinterpret_cast<int (*)(int, const char*, int, ...)>(dlsym(RTLD_NEXT, "openat"));
+  if (const int error = v3d::test::fault(path, flags); error != 0) {
+    errno = error;
+    return -1;
   }
-  return next(path);
+  va_list arguments;
+  va_start(arguments, flags);
+  const mode_t mode = (flags & O_CREAT) != 0 ? va_arg(arguments, mode_t) : 0;
+  va_end(arguments);
+  return next(folder, path, flags, mode);
 }

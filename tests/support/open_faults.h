@@ -1,4 +1,4 @@
-// Faults of open() and opendir() of the C library, which open_faults.cc replaces in this program.
+// Faults of open() and openat() of the C library, which open_faults.cc replaces in this program.
 #pragma once
 
 #include <atomic>
