@@ -1,5 +1,6 @@
-// Records when a program plays sound, preloaded with LD_PRELOAD. After each snd_pcm_writei(), the
-// file $V3D_SOUND_WRITES gets a line with CLOCK_MONOTONIC, ns, and the frames written until then.
+// Records when a program plays sound, preloaded with LD_PRELOAD. After each snd_pcm_writei() and
+// before each snd_pcm_delay(), the file $V3D_SOUND_WRITES gets a line with CLOCK_MONOTONIC, ns, and
+// the frames written until then.
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <unistd.h>
@@ -27,11 +28,19 @@ void record(long frames) {
 
 }  // namespace
 
-/// Called by one thread of the program.
+// One thread of the program calls these.
+
 extern "C" long snd_pcm_writei(void* pcm, const void* buffer, unsigned long size) {
   using Write = long(void*, const void*, unsigned long);
   static auto* const next = reinterpret_cast<Write*>(dlsym(RTLD_NEXT, "snd_pcm_writei"));
   const long frames = next(pcm, buffer, size);
   if (frames > 0) record(frames);
   return frames;
+}
+
+extern "C" int snd_pcm_delay(void* pcm, long* delay) {
+  using Delay = int(void*, long*);
+  static auto* const next = reinterpret_cast<Delay*>(dlsym(RTLD_NEXT, "snd_pcm_delay"));
+  record(0);
+  return next(pcm, delay);
 }
