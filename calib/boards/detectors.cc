@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -195,11 +196,46 @@ std::optional<BoardDiagnosis> diagnose_chess(const cv::Mat& grey, const Board& b
                         .may_be_part = *found == kSeed};
 }
 
+/// Mean distance, pixels, of the corners of the markers from their places in `layout`, seen by a
+/// camera without distortion. Infinity where no marker is one of the board.
+double misfit(const CharucoLayout& layout, const Markers& markers) {
+  const auto& places = marker_corners_of(layout.board);
+  std::vector<cv::Point2f> on_board, in_image;
+  for (size_t i = 0; i < markers.ids.size(); ++i) {
+    const auto marker = static_cast<size_t>(markers.ids[i] + layout.first_marker);
+    if (marker >= places.size()) continue;
+    for (const cv::Point3f& corner : places[marker]) on_board.emplace_back(corner.x, corner.y);
+    in_image.insert(in_image.end(), markers.corners[i].begin(), markers.corners[i].end());
+  }
+  const cv::Mat image_from_board =
+      on_board.empty() ? cv::Mat() : cv::findHomography(on_board, in_image);
+  if (image_from_board.empty()) return std::numeric_limits<double>::infinity();
+  std::vector<cv::Point2f> expected;
+  cv::perspectiveTransform(on_board, expected, image_from_board);
+  double sum = 0;
+  for (size_t i = 0; i < expected.size(); ++i) sum += cv::norm(expected[i] - in_image[i]);
+  return sum / static_cast<double>(expected.size());
+}
+
+/// The layouts that a board can have. Where the number of rows is even, the square in the upper
+/// left corner is black in prints by OpenCV since 4.6, and white in older ones and in those of some
+/// sellers.
+std::vector<CharucoLayout> layouts_of(const Board& b, const CharucoDictionary& dictionary) {
+  const cv::Size squares(b.corner_columns + 1, b.corner_rows + 1);
+  const auto square = static_cast<float>(b.square_m), marker = static_cast<float>(b.marker_m);
+  std::vector<CharucoLayout> layouts(1);
+  layouts[0].board = charuco_board(squares, square, marker, dictionary);
+  if (squares.height % 2 == 0) {
+    layouts.push_back(white_corner_layout(squares, square, marker, dictionary));
+  }
+  return layouts;
+}
+
 }  // namespace
 
 struct BoardDetector::Charuco {
   CharucoDictionary dictionary;
-  CharucoBoard board;
+  std::vector<CharucoLayout> layouts;
   int columns, rows;  // of corners
 
   /// OpenCV numbers rows from the top, with z into the print; ours start at the bottom.
@@ -207,11 +243,15 @@ struct BoardDetector::Charuco {
 
   explicit Charuco(const Board& b)
       : dictionary(dictionary_named(b.dictionary)),
-        board(charuco_board({b.corner_columns + 1, b.corner_rows + 1},
-                            static_cast<float>(b.square_m), static_cast<float>(b.marker_m),
-                            dictionary)),
+        layouts(layouts_of(b, dictionary)),
         columns(b.corner_columns),
         rows(b.corner_rows) {}
+
+  /// The layout that agrees best with the markers.
+  const CharucoLayout& layout_of(const Markers& markers) const {
+    if (layouts.size() == 1) return layouts[0];
+    return misfit(layouts[1], markers) < misfit(layouts[0], markers) ? layouts[1] : layouts[0];
+  }
 
   /// Distance, pixels, from each corner to the nearest of its neighbours; 0 without one.
   std::vector<float> spacings_between(const std::vector<cv::Point2f>& points,
@@ -229,12 +269,15 @@ struct BoardDetector::Charuco {
   }
 
   BoardObservation find(const cv::Mat& grey) const {
-    const Markers markers = find_markers(grey, dictionary);
+    Markers markers = find_markers(grey, dictionary);
     BoardObservation observation;
     if (markers.ids.empty()) return observation;
+    const CharucoLayout& layout = layout_of(markers);
+    for (int& id : markers.ids) id += layout.first_marker;
     std::vector<cv::Point2f> points;
     std::vector<int> ids;
-    aruco::interpolateCornersCharuco(markers.corners, markers.ids, grey, board, points, ids);
+    aruco::interpolateCornersCharuco(markers.corners, markers.ids, grey, layout.board, points, ids);
+    for (int& id : ids) id -= layout.first_corner;
     refine_saddles(grey, spacings_between(points, ids), kCharucoSaddles, points);
     std::vector<std::pair<int, Eigen::Vector2d>> corners;
     for (size_t i = 0; i < ids.size(); ++i) {
@@ -260,10 +303,11 @@ struct BoardDetector::Charuco {
           "again, or turn off mirroring in the camera)"};
     }
     const auto beyond = std::max_element(found.ids.begin(), found.ids.end());
-    if (beyond != found.ids.end() && *beyond >= static_cast<int>(marker_count(board))) {
+    const size_t marker_count = marker_corners_of(layouts[0].board).size();
+    if (beyond != found.ids.end() && *beyond >= static_cast<int>(marker_count)) {
       return BoardDiagnosis{"wrong board size: marker " + std::to_string(*beyond) +
                             " is in the image, and " + b.text() + " has markers 0 to " +
-                            std::to_string(marker_count(board) - 1)};
+                            std::to_string(marker_count - 1)};
     }
     const cv::Mat negative = 255 - grey;
     if (found.ids.size() < kMinMarkers &&
