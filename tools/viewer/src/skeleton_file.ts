@@ -6,6 +6,11 @@ export const MAX_SKELETON_BYTES = 128 << 20;
 const MAX_JOINTS = 255;
 /** Limits of motion.v3d (docs/motion-format.md). */
 const MAX_VERTICES = 524_288;
+/**
+ * Frames from the first to the last pulse of each skin, summed over all skins: 11 hours at 25 a second. The page has an entry for each
+ * (editedFrames()), and two pulses of a damaged file may lie 10^15 apart.
+ */
+const MAX_SKIN_FRAMES = 1_000_000;
 /** Parts that move a vertex. */
 export const PARTS = 4;
 
@@ -105,11 +110,14 @@ function readPoses(field: Field, joints: number): Pose[] {
 }
 
 function readSkins(field: Field | null, joints: number): Skin[] {
+  let frames = 0;
   return (field?.list() ?? []).map((entry) => {
     entry.expectObject(['pulses', 'vertices', 'weights']);
     const vertices = entry.at('vertices').number(0, MAX_VERTICES);
     const pulses = entry.at('pulses').list().map((pulse) => pulse.pulse());
     if (pulses.length === 0) entry.at('pulses').reject('expected at least one pulse');
+    frames += Math.max(0, pulses[pulses.length - 1] - pulses[0]) + 1;
+    if (frames > MAX_SKIN_FRAMES) entry.at('pulses').reject(`expected at most ${MAX_SKIN_FRAMES} frames in all skins`);
     return { pulses, vertices, ...readWeights(entry.at('weights'), vertices, joints) };
   });
 }

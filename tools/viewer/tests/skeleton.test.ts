@@ -70,6 +70,15 @@ describe('skeleton.json', () => {
 });
 
 describe('a damaged skeleton.json', () => {
+  it('with skins of more frames than the page can hold is rejected, also when each skin is small', () => {
+    const skins = (...ranges: number[][]) => ({ skins: ranges.map((pulses) => ({ pulses, vertices: 0, weights: '' })) });
+    const rejected = 'pulses: expected at most 1000000 frames in all skins';
+    expect(message(skins([0, 999_999]))).toBe('');
+    expect(message(skins([0, 1_000_000]))).toBe(`skins[0].${rejected}`);
+    expect(message(skins([3, Number.MAX_SAFE_INTEGER]))).toBe(`skins[0].${rejected}`);
+    expect(message(skins([0, 599_999], [0, 599_999]))).toBe(`skins[1].${rejected}`);
+  });
+
   it('is read or rejected with a message, whatever its bytes', () => {
     const text = JSON.stringify(file());
     let state = 1;
