@@ -173,7 +173,13 @@ export class V3dPlayerElement extends HTMLElement {
     if (name === 'src') void this.load(player);
   }
 
+  /** Without an address the player stops and becomes empty. */
   private async load(player: VolumePlayer): Promise<void> {
+    if (!this.src) {
+      player.pause();
+      player.dispose();
+      this.stage?.redraw();
+    }
     this.controlBar?.reset();
     if (!this.src) return;
     try {

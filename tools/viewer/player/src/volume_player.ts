@@ -171,7 +171,7 @@ export class VolumePlayer extends Object3D<VolumePlayerEventMap> {
     this.set({ volume: Math.min(1, Math.max(0, volume)) });
   }
 
-  /** Ends worker and video, and frees the memory of the graphics card. */
+  /** Ends worker and video, and frees the memory of the graphics card. Nothing is shown then; load() may follow. */
   dispose(): void {
     ++this.loading;
     this.unload();
