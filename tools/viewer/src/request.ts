@@ -1,6 +1,6 @@
 // Requests of the page to its server. What is absent (404) differs from a server that is busy, refuses or does not answer.
 
-import { bodyOf, fetchWithin } from '../player/src/byte_source';
+import { bodyOf, BUSY, fetchWithin, Unavailable } from '../player/src/byte_source';
 
 const NO_RESPONSE = 'The studio does not answer. Is v3d-viewd running?';
 
@@ -56,12 +56,13 @@ export const isThere = async (url: string) => (await fetchOrNull(url, { method: 
 const PICTURE_SILENCE_MS = 70_000;
 
 /**
- * `use` of the picture or view at an address; null: there is none. Throws a Refusal for other responses, and an error when the server is
- * silent.
+ * `use` of the picture or view at an address; null: there is none. Throws Unavailable when the server is busy or silent, and a Refusal for
+ * other responses.
  */
 export const fetchThere = <T>(url: string, signal: AbortSignal, use: Use<T>): Promise<T | null> =>
   fetchWithin(url, { signal }, Infinity, async (response, progress) => {
     if (response.status === 404) return null;
-    if (!response.ok) throw new Refusal(lineOf(await response.text(), response.status));
-    return use(response, progress);
+    if (response.ok) return use(response, progress);
+    const line = lineOf(await response.text(), response.status);
+    throw response.status === BUSY ? new Unavailable(line) : new Refusal(line);
   }, PICTURE_SILENCE_MS);

@@ -1,5 +1,6 @@
 import { Vector4 } from 'three';
-import { describe, expect, it, vi } from 'vitest';
+import { afterEach, beforeEach, describe, expect, it, vi } from 'vitest';
+import { Unavailable } from '../player/src/byte_source';
 import { ROW, type VertexViews } from '../player/src/camera_views';
 import { codedViews, hasCodedViews } from '../player/src/coded_views';
 import { distort, maxRadius2 } from '../src/lens';
@@ -160,6 +161,67 @@ describe('a pulse store', () => {
     } finally {
       vi.useRealTimers();
     }
+  });
+
+  describe('whose requests fail', () => {
+    beforeEach(() => void vi.useFakeTimers());
+    afterEach(() => void vi.useRealTimers());
+    const SECOND_MS = 1000;
+    /** A store whose requests of the pulses in `faults` fail. `requests`: the pulse and the second of each request. */
+    function failing(faults: Map<number, Error>) {
+      const requests: [number, number][] = [];
+      const began = Date.now();
+      const store = new PulseStore<string>({
+        fetch: async (pulse) => {
+          requests.push([pulse, Math.round((Date.now() - began) / SECOND_MS)]);
+          const fault = faults.get(pulse);
+          if (fault) throw fault;
+          return `of ${pulse}`;
+        },
+        ready: () => undefined,
+      });
+      return { store, requests };
+    }
+    const damaged = new Error('a file cannot be read');
+
+    it('requests a damaged pulse again after 1, 2, 4, 8 and 16 s, then every 30 s', async () => {
+      const { store, requests } = failing(new Map([[5, damaged]]));
+      store.want(5);
+      await vi.advanceTimersByTimeAsync(100 * SECOND_MS);
+      expect(requests.map(([, second]) => second)).toEqual([0, 1, 3, 7, 15, 31, 61, 91]);
+      store.end();
+    });
+
+    it('requests a pulse of a busy server again every second', async () => {
+      const { store, requests } = failing(new Map([[5, new Unavailable('too many requests; try again')]]));
+      store.want(5);
+      await vi.advanceTimersByTimeAsync(4 * SECOND_MS);
+      expect(requests.map(([, second]) => second)).toEqual([0, 1, 2, 3, 4]);
+      store.end();
+    });
+
+    it('requests another pulse a second after it is wanted, whatever failed before', async () => {
+      const { store, requests } = failing(new Map([[5, damaged]]));
+      store.want(5);
+      await vi.advanceTimersByTimeAsync(40 * SECOND_MS); // the next request is due at 61 s
+      store.want(6);
+      await vi.advanceTimersByTimeAsync(SECOND_MS);
+      expect(requests.at(-1)).toEqual([6, 41]);
+      expect(store.get(6)).toBe('of 6');
+      store.end();
+    });
+
+    it('requests pulses at most once a second in playback of a damaged file', async () => {
+      const pulses = Array.from({ length: 250 }, (_, n) => n);
+      const { store, requests } = failing(new Map(pulses.map((pulse) => [pulse, damaged])));
+      for (const pulse of pulses) {
+        store.want(pulse);
+        await vi.advanceTimersByTimeAsync(40);
+      }
+      expect(requests.length).toBeGreaterThan(5);
+      expect(requests.length).toBeLessThan(12);
+      store.end();
+    });
   });
 
   it('does not repeat a request for a pulse without data', async () => {

@@ -30,7 +30,7 @@ export async function repeated<T>(request: () => Promise<T>, ended: () => boolea
   return null;
 }
 
-const BUSY = 503;
+export const BUSY = 503;
 
 export const statusError = (status: number, instead = '') =>
   (status === BUSY ? new Unavailable('The server is busy (503).') : new Error(`The server answered ${status}${instead}.`));

@@ -1,7 +1,9 @@
 // Cache of data of single pulses. The latest request is fetched first; data that arrives too late is dropped.
 
-/** Pause after a failed request. */
-const AGAIN_MS = 1000;
+import { Unavailable } from './byte_source';
+
+/** Pause after a failed request. It doubles while requests of the same pulse fail, up to the longest one, unless the server is busy. */
+const AGAIN_MS = 1000, MAX_AGAIN_MS = 30_000;
 
 export interface PulseStoreOptions<T> {
   /** Null: the pulse has no data. Rejects when this is unknown at the moment. `signal`: the store has ended. */
@@ -19,7 +21,9 @@ export class PulseStore<T> {
   private readonly kept = new Map<number, T | null>(); // the last used is last
   private readonly underWay = new Set<number>();
   private wanted: number[] = [];
-  private resting = false;
+  private timer: ReturnType<typeof setTimeout> | undefined;
+  /** The last pause; 0: the last request succeeded. */
+  private pauseMs = 0;
   private readonly requests = new AbortController();
   /** Mean duration of the last requests, milliseconds. */
   tookMs = 0;
@@ -30,6 +34,7 @@ export class PulseStore<T> {
 
   /** Requests the pulse and the likely next ones. Earlier requests are cancelled. */
   want(pulse: number, ahead: number[] = []): void {
+    if (pulse !== this.wanted[0]) this.shorten();
     this.wanted = [pulse, ...ahead];
     this.fetchNext();
   }
@@ -49,12 +54,13 @@ export class PulseStore<T> {
 
   end(): void {
     this.requests.abort();
+    clearTimeout(this.timer);
     this.wanted = [];
     for (const pulse of [...this.kept.keys()]) this.drop(pulse);
   }
 
   private fetchNext(): void {
-    while (!this.ended && !this.resting && this.underWay.size < (this.options.atOnce ?? 2)) {
+    while (!this.ended && this.timer === undefined && this.underWay.size < (this.options.atOnce ?? 2)) {
       const next = this.wanted.find((pulse) => !this.kept.has(pulse) && !this.underWay.has(pulse));
       if (next === undefined) return;
       void this.fetch(next);
@@ -69,10 +75,11 @@ export class PulseStore<T> {
       const took = performance.now() - began;
       this.tookMs = this.tookMs ? 0.7 * this.tookMs + 0.3 * took : took;
       this.trouble = '';
+      this.pauseMs = 0;
       this.keep(pulse, thing);
     } catch (error) {
       this.trouble = (error as Error).message;
-      this.rest();
+      if (this.timer === undefined) this.pause(error instanceof Unavailable ? AGAIN_MS : Math.min(2 * this.pauseMs, MAX_AGAIN_MS));
     }
     this.underWay.delete(pulse);
     this.fetchNext();
@@ -95,11 +102,18 @@ export class PulseStore<T> {
     if (thing) this.options.dispose?.(thing);
   }
 
-  private rest(): void {
-    this.resting = true;
-    setTimeout(() => {
-      this.resting = false;
+  private pause(ms: number): void {
+    if (this.ended) return;
+    this.pauseMs = Math.max(ms, AGAIN_MS);
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => {
+      this.timer = undefined;
       this.fetchNext();
-    }, AGAIN_MS);
+    }, this.pauseMs);
+  }
+
+  /** Another pulse does not wait for the repeated requests of the last one. */
+  private shorten(): void {
+    if (this.timer !== undefined && this.pauseMs > AGAIN_MS) this.pause(AGAIN_MS);
   }
 }
