@@ -1,8 +1,6 @@
 // Pictures of takes.
 #pragma once
 
-#include <spdlog/spdlog.h>
-
 #include <cstdint>
 #include <filesystem>
 #include <list>
@@ -17,6 +15,7 @@
 #include "base/image/colour.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "daemon/recorded/take_frames.h"
+#include "daemon/viewd/request_error_log.h"
 #include "daemon/viewd/served_files.h"
 #include "daemon/web/web_access.h"
 #include "daemon/web/web_message.h"
@@ -163,17 +162,17 @@ class TakeViews {
 // Converts exceptions into HTTP responses.
 
 /// The response of `make`; 500 if it throws. The text of the exception, which may contain paths, is
-/// only logged. InputError means a file that is damaged or cannot be read. It is not 404, which the
-/// page takes for something that does not exist.
+/// only logged (request_error_log.h). InputError means a file that is damaged or cannot be read. It
+/// is not 404, which the page takes for something that does not exist.
 template <class Make>
 web::WebResponse guarded_response(const Make& make) {
   try {
     return make();
   } catch (const InputError& error) {
-    spdlog::warn("{}", error.what());
+    log_request_error(error.what());
     return web::plain_response(500, "a file cannot be read; see the log of v3d-viewd");
   } catch (const std::exception& error) {
-    spdlog::error("{}", error.what());
+    log_internal_error(error.what());
     return web::plain_response(500, "internal error; see the log of v3d-viewd");
   }
 }

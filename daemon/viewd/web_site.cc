@@ -1,6 +1,7 @@
 #include "daemon/viewd/web_site.h"
 
 #include <fcntl.h>
+#include <spdlog/spdlog.h>
 #include <sys/stat.h>
 
 #include <algorithm>
