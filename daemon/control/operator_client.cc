@@ -255,11 +255,14 @@ std::optional<wire::EventMessage> OperatorClient::next_event(MonotonicInstant de
 
 std::optional<wire::MeshMessage> OperatorClient::next_mesh(MonotonicInstant deadline) {
   if (!impl_->meshes) {
-    constexpr size_t kMeshQueue = 64;  // a node that begins to publish sends a second at once
     impl_->meshes = std::make_unique<bus::Subscription<wire::MeshMessage>>(
         impl_->bus, wire::kMeshChannel, kMeshQueue);
   }
   return impl_->wait(*impl_->meshes, deadline);
+}
+
+int64_t OperatorClient::dropped_meshes() const {
+  return impl_->meshes ? impl_->meshes->counts().dropped : 0;
 }
 
 std::optional<wire::PulseMessage> OperatorClient::next_pulse(MonotonicInstant deadline) {

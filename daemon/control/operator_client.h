@@ -58,6 +58,10 @@ class OperatorClient {
 
   /// The next live mesh. Empty if none arrives until `deadline`. The first call subscribes.
   std::optional<wire::MeshMessage> next_mesh(MonotonicInstant deadline);
+  /// Number of live meshes that next_mesh() does not return, because more than kMeshQueue waited.
+  int64_t dropped_meshes() const;
+  /// A node that begins to publish sends the meshes of a second at once.
+  static constexpr size_t kMeshQueue = 64;
 
   /// The next pulse. Empty if none arrives until `deadline`. The first call subscribes.
   std::optional<wire::PulseMessage> next_pulse(MonotonicInstant deadline);

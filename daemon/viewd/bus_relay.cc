@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <poll.h>
+#include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -15,6 +16,7 @@
 #include "base/io/child_process.h"
 #include "base/io/process.h"
 #include "daemon/control/operator_client.h"
+#include "daemon/viewd/dropped_meshes.h"
 #include "wire/codec.h"
 
 namespace v3d::viewd {
@@ -118,6 +120,7 @@ void relay_bus(const Studio& studio, int to) {
   std::signal(SIGPIPE, SIG_IGN);
   control::OperatorClient client(studio);
   bool is_open = true;
+  DroppedMeshes dropped;
   std::optional<std::string> reason;  // why messages are not verified, as sent last
   const auto relay = [&](const auto& message) {
     if (message) is_open = is_open && write_all(to, encode_record(*message));
@@ -130,6 +133,9 @@ void relay_bus(const Studio& studio, int to) {
     }
     relay(client.next_mesh(Monotonic::now() + kPollPeriod));
     const MonotonicInstant now = Monotonic::now();
+    if (const auto line = dropped.line_of_relay(client.dropped_meshes(), now)) {
+      spdlog::warn("{}", *line);
+    }
     while (relay(client.next_health(now))) continue;
     while (relay(client.next_event(now))) continue;
     while (relay(client.next_preview(now))) continue;

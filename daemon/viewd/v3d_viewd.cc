@@ -9,6 +9,7 @@
 #include "daemon/node/service.h"
 #include "daemon/viewd/bus_relay.h"
 #include "daemon/viewd/command_endpoint.h"
+#include "daemon/viewd/dropped_meshes.h"
 #include "daemon/viewd/operator_command.h"
 #include "daemon/viewd/served_files.h"
 #include "daemon/viewd/web_site.h"
@@ -38,6 +39,7 @@ struct Served {
   v3d::viewd::LiveFeed& feed;
   v3d::viewd::StudioStatus& status;
   v3d::viewd::CommandEndpoint& commands;
+  v3d::viewd::DroppedMeshes& dropped_meshes;
 };
 
 /// Passes commands to the runner, and their results to the subscribers.
@@ -84,6 +86,9 @@ void poll(Relay& relay, v3d::web::WebServer& server, Served served,
   server.run_on_thread([&](int64_t subscribers) {
     while (const auto message = relay ? relay->next() : std::nullopt) {
       std::visit(MessageHandler{served, now}, *message);
+    }
+    if (const auto line = served.dropped_meshes.line(served.feed.counts(), now)) {
+      spdlog::warn("{}", *line);
     }
     poll_commands(served, runner, now);
     served.status.set_subscriber_count(subscribers);
@@ -137,6 +142,7 @@ void run(const v3d::Studio& studio, const std::string& /*node*/) {
   const bool has_network = !studio.network.lcm_url.empty();
   if (has_network) relay.emplace(studio, kRelayFlag);
   v3d::viewd::LiveFeed feed;
+  v3d::viewd::DroppedMeshes dropped_meshes;
   v3d::viewd::StudioStatus status(studio, v3d::control::commanded_nodes(studio),
                                   has_network ? "" : kNoNetwork);
   status.set_control(commands.is_open());
@@ -152,7 +158,7 @@ void run(const v3d::Studio& studio, const std::string& /*node*/) {
                commands.is_open() ? ", and accepts orders" : "");
   v3d::node::service::ready();
   FileClosing closing(site, server);
-  serve(relay, server, {feed, status, commands}, runner, closing);
+  serve(relay, server, {feed, status, commands, dropped_meshes}, runner, closing);
   v3d::node::service::stopping();
 }
 

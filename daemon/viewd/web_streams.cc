@@ -64,7 +64,7 @@ void LiveFeed::add(const wire::MeshMessage& mesh, MonotonicInstant now) {
   if (!is_key && !follows(header->reference, header->key_pulse)) {
     // Frames that follow need this one, so drop the group until the next key frame.
     clear_group();
-    ++counts_.unusable;
+    ++(next_number_ == 0 ? counts_.early : counts_.unusable);
     return;
   }
   if (is_key) clear_group();

@@ -22,6 +22,7 @@ namespace v3d::viewd {
 struct LiveFeedCounts {
   int64_t frames = 0;    ///< meshes received
   int64_t unusable = 0;  ///< of these, dropped: damaged, or the frame they refer to is missing
+  int64_t early = 0;     ///< of these, dropped: before the first key frame, in a take that runs
   int64_t outdated = 0;  ///< of these, dropped: not after the last pulse of the take
   int64_t skipped = 0;   ///< frames not sent to a slow subscriber, summed over subscribers
 };

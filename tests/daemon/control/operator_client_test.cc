@@ -137,6 +137,23 @@ TEST_F(OperatorClientTest, needs_the_studio_key_to_command_but_not_to_monitor) {
       testing::HasSubstr("v3dctl key new"));
 }
 
+TEST_F(OperatorClientTest, counts_live_meshes_that_waited_too_long) {
+  bus::Bus node(kUrl);
+  node.authenticator().set_key(key_);
+  OperatorClient client(studio_);
+  EXPECT_EQ(client.dropped_meshes(), 0);
+  EXPECT_FALSE(client.next_mesh(Monotonic::now()));
+  wire::MeshMessage mesh;
+  const auto is_queue_full = [&] {
+    mesh.sent = Realtime::now();
+    ++mesh.seq;
+    node.publish_authenticated(wire::kMeshChannel, encode(mesh));
+    return client.dropped_meshes() > 0;
+  };
+  EXPECT_TRUE(becomes_true(is_queue_full, within(60)));
+  EXPECT_GT(mesh.seq, static_cast<int64_t>(OperatorClient::kMeshQueue));
+}
+
 /// A studio with a member list.
 class MemberClientTest : public OperatorClientTest {
  protected:

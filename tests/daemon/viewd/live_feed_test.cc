@@ -1,4 +1,5 @@
 // The live meshes that v3d-viewd sends to browsers, without sockets.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
@@ -9,6 +10,7 @@
 #include <vector>
 
 #include "codec/frame_header.h"
+#include "daemon/viewd/dropped_meshes.h"
 #include "daemon/viewd/web_streams.h"
 
 namespace v3d::viewd {
@@ -148,6 +150,41 @@ TEST(LiveFeed, drops_messages_without_a_compact_frame) {
   feed.add(mesh, kNow);
   EXPECT_EQ(feed.counts().unusable, 1);
   EXPECT_FALSE(feed.subscribe(kNow)->next());
+}
+
+TEST(LiveFeed, counts_frames_before_its_first_key_frame_apart_from_those_after_a_lost_frame) {
+  LiveFeed feed;
+  Meshes meshes;
+  meshes.next(true);  // sent before the start of v3d-viewd
+  for (int pulse = 0; pulse < 3; ++pulse) feed.add(meshes.next(false), kNow);
+  EXPECT_EQ(feed.counts().early, 3);
+  feed.add(meshes.next(true), kNow);
+  meshes.next(false);  // lost
+  for (int pulse = 0; pulse < 5; ++pulse) feed.add(meshes.next(false), kNow);
+  EXPECT_EQ(feed.counts().early, 3);
+  EXPECT_EQ(feed.counts().unusable, 5);
+}
+
+TEST(DroppedMeshes, have_lines_at_a_bounded_rate_with_their_number) {
+  DroppedMeshes dropped;
+  LiveFeedCounts counts{.frames = 2000, .early = 7, .outdated = 8, .skipped = 9};
+  EXPECT_FALSE(dropped.line(counts, kNow)) << "nothing was lost";
+  counts.unusable = 1250;
+  EXPECT_THAT(dropped.line(counts, kNow).value_or(""), testing::HasSubstr("1,250 of 2,000"));
+  int lines = 0;
+  for (int n = 0; n < 1000; ++n) {
+    ++counts.unusable;
+    if (dropped.line(counts, kNow)) ++lines;
+  }
+  EXPECT_EQ(lines, 0) << "not doubled within a minute";
+  EXPECT_TRUE(dropped.line(counts, kNow + bus::EventThrottle::kAgainAfter));
+}
+
+TEST(DroppedMeshes, of_the_relay_process_have_lines_of_their_own) {
+  DroppedMeshes dropped;
+  EXPECT_FALSE(dropped.line_of_relay(0, kNow));
+  EXPECT_THAT(dropped.line_of_relay(3, kNow).value_or(""), testing::HasSubstr("3 live meshes"));
+  EXPECT_FALSE(dropped.line_of_relay(3, kNow));
 }
 
 }  // namespace
