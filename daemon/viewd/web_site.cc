@@ -215,6 +215,7 @@ WebSite::ListTakes WebSite::make_list_takes() {
     std::vector<take::TakeListing> takes = cache->find_all_takes(folder);
     if (takes.size() > kMaxListed) takes.erase(takes.begin(), takes.end() - kMaxListed);
     for (take::TakeListing& take : takes) {
+      take.info.name = take.paths.folder.filename();  // as in the paths of requests
       take.error = error_for_browsers(take);
       if (!take.meshes) take.mesh_error = "mesh.v3d cannot be read; v3dctl takes names the cause";
     }

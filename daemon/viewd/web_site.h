@@ -40,8 +40,9 @@ class WebSite {
   /// Returns the takes of a folder, oldest first. Called on the thread of the listings.
   using ListTakes =
       std::function<std::vector<take::TakeListing>(const std::filesystem::path& folder)>;
-  /// take::find_all_takes() without the paths of folders in its errors. It keeps the listings of
-  /// takes that do not change (take::TakeListingCache).
+  /// take::find_all_takes() without the paths of folders in its errors. The name of a take is that
+  /// of its folder, which is unique: a copied folder has the take.toml of another one. It keeps the
+  /// listings of takes that do not change (take::TakeListingCache).
   static ListTakes make_list_takes();
   /// Limit of listed takes: the newest ones.
   static constexpr size_t kMaxListed = 10'000;

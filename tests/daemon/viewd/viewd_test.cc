@@ -344,6 +344,17 @@ TEST_F(ViewedSite, lists_a_take_of_which_a_file_has_a_typing_error) {
   EXPECT_THAT(take.dump(), Not(HasSubstr(folder_.path().string())));
 }
 
+TEST_F(ViewedSite, lists_a_copied_take_by_the_name_of_its_folder) {
+  save_info({"cam01"});
+  std::filesystem::create_directory(folder_ / "takes/kendo-07-copy");
+  std::filesystem::copy_file(folder_ / "takes/kendo-07/take.toml",
+                             folder_ / "takes/kendo-07-copy/take.toml");
+  std::vector<std::string> names;
+  const nlohmann::json listing = nlohmann::json::parse(get("/api/takes").body);
+  for (const auto& take : listing["takes"]) names.push_back(take["name"]);
+  EXPECT_THAT(names, testing::UnorderedElementsAre("kendo-07", "kendo-07-copy"));
+}
+
 TEST_F(ViewedSite, logs_once_why_a_file_of_a_take_cannot_be_read) {
   save_info({"cam01"});
   write(folder_ / "takes/kendo-07/slate.toml", "mark = 'circle'\n");
