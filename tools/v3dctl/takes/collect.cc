@@ -168,6 +168,13 @@ class Collector {
     std::ranges::copy(slate_notes_[result.name], std::back_inserter(result.verification.notes));
     try {
       reject_parts_of_others(result.name, sources);
+      for (const NodeFolder* source : sources) {
+        const take::TakePaths part{stage(result.name) / source->node};
+        // Only a part that the node has, too, may be removed.
+        if (fs::exists(part.folder) && !fs::is_empty(part.folder)) {
+          prepare(result.name, *source, part);
+        }
+      }
       remove_copies(stage(result.name));
     } catch (const std::exception& error) {
       result.verification.disagreements.emplace_back(error.what());
@@ -287,21 +294,6 @@ class Collector {
                        source.node + ", and may continue it; repeat the command later; if that " +
                        "process has ended, remove " + name + " there");
     }
-  }
-
-  /// Throws InputError when an earlier run has copied another take of this name from the node.
-  static void reject_other_take(const take::TakeInfo& of_node, const take::TakePaths& part,
-                                const NodeFolder& source) {
-    std::optional<take::TakeInfo> copied;
-    try {
-      if (file_exists(part.info())) copied = load_take_info(part);
-    } catch (const InputError&) {
-      return;  // copied in part
-    }
-    if (!copied || copied->started == of_node.started) return;
-    throw InputError(part.folder.string() + ": is of an earlier take of this name on " +
-                     source.node + "; move " + part.folder.parent_path().string() +
-                     " out of the folder, and repeat the command");
   }
 
   /// Throws InputError when the part of a node cannot be collected now. Returns the bytes of its

@@ -271,6 +271,20 @@ void StagingFolder::remove_if_empty() const {
   fs::remove(folder_, not_empty);
 }
 
+void reject_other_take(const take::TakeInfo& of_node, const take::TakePaths& part,
+                       const NodeFolder& source) {
+  std::optional<take::TakeInfo> copied;
+  try {
+    if (file_exists(part.info())) copied = load_take_info(part);
+  } catch (const InputError&) {
+    return;  // copied in part
+  }
+  if (!copied || copied->started == of_node.started) return;
+  throw InputError(part.folder.string() + ": is of an earlier take of this name on " + source.node +
+                   "; move " + part.folder.parent_path().string() +
+                   " out of the folder, and repeat the command");
+}
+
 void remove_copies(const fs::path& folder) {
   const std::error_code error =
       io::uninterrupted_code([&](std::error_code& code) { fs::remove_all(folder, code); });

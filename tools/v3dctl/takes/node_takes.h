@@ -111,6 +111,11 @@ class StagingFolder {
   std::filesystem::path folder_;
 };
 
+/// Throws InputError when an earlier run has copied another take of this name from the node into
+/// `part`. `of_node`: take.toml of the node.
+void reject_other_take(const take::TakeInfo& of_node, const take::TakePaths& part,
+                       const NodeFolder& source);
+
 /// Removes parts of takes in the staging folder. Throws std::filesystem::filesystem_error.
 void remove_copies(const std::filesystem::path& folder);
 
