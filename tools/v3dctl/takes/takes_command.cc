@@ -17,6 +17,8 @@
 namespace v3d::ctl {
 namespace {
 
+using Json = nlohmann::ordered_json;
+
 int run_list(const CommandLine& line, const TakesArguments& arguments) {
   bool is_whole = true;
   const auto report_skipped = [&](const InputError& error) {
@@ -123,9 +125,15 @@ int run_sign(const CommandLine& line, const SignArguments& arguments) {
   const take::TakeSigner signer{arguments.node, wire::SigningKey::load(key)};
   const std::vector<take::TakeListing> takes = named_takes(line, *arguments.takes);
   for (const take::TakeListing& take : takes) require_signable(take, arguments.node);
+  std::vector<std::string> signed_takes;
   for (const take::TakeListing& take : takes) {
     io::throw_if_failed(sign_whole_take(take.paths, signer, take::SigningOccasion::kCommand));
+    signed_takes.push_back(take.info.name);
+    if (arguments.takes->json) continue;
     std::printf("signed %s as %s\n", take.info.name.c_str(), arguments.node.c_str());
+  }
+  if (arguments.takes->json) {
+    std::printf("%s\n", Json{{"node", arguments.node}, {"signed", signed_takes}}.dump(2).c_str());
   }
   return kExitDone;
 }
@@ -183,16 +191,21 @@ std::vector<take::InterruptedDeletion> interrupted_in(const fs::path& folder) {
   return io::value_or_throw(take::interrupted_deletions(folder));
 }
 
-/// Finishes all interrupted deletions. They were requested with --yes.
-void finish_deletions(const fs::path& folder) {
+/// Finishes all interrupted deletions, which were requested with --yes, and reports them.
+/// `deleted`: the takes that the command has deleted; only JSON lists them.
+void finish_deletions(const fs::path& folder, const std::vector<std::string>& deleted, bool json) {
+  std::vector<std::string> finished;
   for (const take::InterruptedDeletion& deletion : interrupted_in(folder)) {
     io::throw_if_failed(finish_deletion(deletion));
-    std::printf("finished the deletion of %s\n", printable(deletion.take).c_str());
+    finished.push_back(printable(deletion.take));
+    if (!json) std::printf("finished the deletion of %s\n", finished.back().c_str());
   }
+  if (!json) return;
+  std::printf("%s\n", Json{{"deleted", deleted}, {"finished", finished}}.dump(2).c_str());
 }
 
 /// `takes delete` without names.
-int run_finish(const fs::path& folder, bool yes) {
+int run_finish(const fs::path& folder, bool yes, bool json) {
   const std::vector<take::InterruptedDeletion> interrupted = interrupted_in(folder);
   if (interrupted.empty()) {
     throw InputError("takes delete: name the takes; " + folder.string() +
@@ -201,7 +214,7 @@ int run_finish(const fs::path& folder, bool yes) {
   if (!yes) {
     throw InputError(interrupted_text(interrupted) + "; add --yes to finish");
   }
-  finish_deletions(folder);
+  finish_deletions(folder, {}, json);
   return kExitDone;
 }
 
@@ -215,7 +228,8 @@ void require_distinct(std::vector<std::string> names) {
 
 int run_delete(const CommandLine& line, const DeleteArguments& arguments) {
   const fs::path folder = takes_folder(line, *arguments.takes);
-  if (arguments.takes->names.empty()) return run_finish(folder, arguments.yes);
+  const bool json = arguments.takes->json;
+  if (arguments.takes->names.empty()) return run_finish(folder, arguments.yes, json);
   require_distinct(arguments.takes->names);
   if (arguments.copy.empty() == !arguments.no_copy) {
     throw InputError(
@@ -237,11 +251,13 @@ int run_delete(const CommandLine& line, const DeleteArguments& arguments) {
   for (const take::TakeListing& take : takes) paths.push_back(take.paths);
   take::TakeDeletion deletion(std::move(paths), arguments.copy);
   deletion.compare([](const std::string& text) { note(text); });
+  std::vector<std::string> deleted;
   for (const take::TakeListing& take : takes) {
     deletion.remove(take.paths);
-    std::printf("deleted %s\n", take.info.name.c_str());
+    deleted.push_back(take.info.name);
+    if (!json) std::printf("deleted %s\n", take.info.name.c_str());
   }
-  finish_deletions(folder);
+  finish_deletions(folder, deleted, json);
   return kExitDone;
 }
 
@@ -267,8 +283,6 @@ void add_takes_delete(CommandLine& line, cli::Command takes, const SharedTakesAr
 // takes collect: options and results of collect_takes().
 
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 struct CollectArguments {
   SharedTakesArguments takes;
@@ -329,9 +343,27 @@ Json collected_json(const std::vector<CollectedTake>& takes) {
   return {{"takes", list}};
 }
 
+/// Reads --from. Throws InputError for a node that is given twice: both folders would be mixed.
+std::vector<NodeFolder> parse_sources(const std::vector<std::string>& texts) {
+  std::vector<NodeFolder> sources;
+  for (const std::string& text : texts) {
+    NodeFolder source = parse_source(text);
+    if (std::ranges::find(sources, source.node, &NodeFolder::node) != sources.end()) {
+      throw InputError("--from " + text + ": " + source.node +
+                       " is given twice; expected each node once");
+    }
+    sources.push_back(std::move(source));
+  }
+  return sources;
+}
+
 int run_collect(const CommandLine& line, const CollectArguments& arguments) {
+  if (!arguments.takes->folder.empty()) {
+    throw InputError("takes collect: the folder of takes " + arguments.takes->folder.string() +
+                     " is not used; expected the folders of the nodes, with --from NODE=PLACE");
+  }
   CollectRequest request;
-  for (const std::string& text : arguments.from) request.sources.push_back(parse_source(text));
+  request.sources = parse_sources(arguments.from);
   if (request.sources.empty()) request.sources = sources_of(line.studio());
   request.to = arguments.to;
   request.takes = arguments.takes->names;
