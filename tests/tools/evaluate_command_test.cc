@@ -69,6 +69,28 @@ TEST_F(EvaluateCommand, refuses_files_that_it_cannot_use_before_the_measurements
   }
 }
 
+TEST_F(EvaluateCommand, refuses_view_dependent_colours_without_a_camera_to_render_for) {
+  const test::CommandOutcome outcome = evaluate({"--view-dependent"});
+  EXPECT_EQ(outcome.status, kExitBadInput);
+  EXPECT_THAT(outcome.error, HasSubstr("--view-dependent: expected --held-out CAM,..."));
+  EXPECT_EQ(printed_, "");
+}
+
+TEST_F(EvaluateCommand, reports_frames_of_the_compared_meshes_that_have_no_truth) {
+  test::write_still_meshes(folder_ / "take", recon::shapes::sphere({0, 0, 0.5F}, 0.2F, 16), {});
+  for (int frame = 1; frame < test::kGlidingPulses; ++frame) {
+    const std::string name = "truth/00000" + std::to_string(frame) + ".ply";
+    fs::copy_file(folder_ / "truth/000000.ply", folder_ / name);
+  }
+  EXPECT_EQ(evaluate({}).status, kExitDone);
+  const std::string longer = folder_ / "longer.v3d";
+  test::write_gliding_motion(longer, 0, test::kGlidingPulses + 1);
+  const test::CommandOutcome outcome = evaluate({"--beside", longer});
+  EXPECT_EQ(outcome.status, kExitIncomplete);
+  EXPECT_THAT(outcome.error, HasSubstr("no truth in " + (folder_ / "truth").string() +
+                                       " for 1 frame of longer.v3d"));
+}
+
 /// The report of a ball at all pulses of a take but the last `empty` ones. The true ball has moved
 /// by one metre from `first_moved` on.
 TruthReport report_of_still_ball(int empty, int first_moved, int frames) {

@@ -245,8 +245,8 @@ void print_json(const std::vector<EvaluationColumn>& columns) {
 /// Whether all frames have a true surface; reports it otherwise.
 bool has_all_truth(const Arguments& arguments, const EvaluationColumn& column) {
   if (!column.truth || column.truth->without_truth == 0) return true;
-  std::fprintf(stderr, "v3dctl: %lld frames have no truth in %s\n",
-               static_cast<long long>(column.truth->without_truth), arguments.truth.c_str());
+  note("v3dctl: no truth in " + arguments.truth.string() + " for " +
+       count_of(column.truth->without_truth, "frame") + " of " + column.name);
   return false;
 }
 
@@ -286,6 +286,9 @@ int run(const Arguments& arguments) {
   if (arguments.atlas_side > 0 && cameras.empty()) {
     throw InputError("--atlas: expected --held-out CAM,...");
   }
+  if (arguments.view_dependent && cameras.empty()) {
+    throw InputError("--view-dependent: expected --held-out CAM,...");
+  }
   check_files(arguments);
   catch_interrupts();
   std::vector<EvaluationColumn> columns = {
@@ -299,9 +302,9 @@ int run(const Arguments& arguments) {
   } else {
     print_text(columns);
   }
-  int status = has_all_truth(arguments, columns.front()) ? kExitDone : kExitIncomplete;
-  status = std::max(status, report_missing_images(arguments, columns));
+  int status = report_missing_images(arguments, columns);
   for (const EvaluationColumn& column : columns) {
+    if (!has_all_truth(arguments, column)) status = kExitIncomplete;
     status = std::max(status, report_unfinished_meshes(open_meshes(column.evaluated)));
   }
   if (!arguments.report.empty()) {
