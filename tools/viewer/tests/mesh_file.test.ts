@@ -64,6 +64,44 @@ describe('a mesh file', () => {
     expect(await readEntries(new Bytes(bytes))).toEqual(whole);
   });
 
+  /** Changes the index of a closed file, and makes its checksum right again. */
+  function changeIndex(bytes: Uint8Array, change: (index: Uint8Array) => void) {
+    const footer = new DataView(bytes.buffer, bytes.length - 24);
+    const index = bytes.subarray(Number(footer.getBigUint64(0, true)), bytes.length - 24);
+    change(index);
+    footer.setUint32(12, crc32(index), true);
+    return bytes;
+  }
+
+  it('is scanned when its index breaks a rule of the format', async () => {
+    const whole = await readEntries(new Bytes(meshFile(frames)));
+    const entry = (index: Uint8Array, n: number) => new DataView(index.buffer, index.byteOffset + 8 + 24 * n, 24);
+    const changes: ((index: Uint8Array) => void)[] = [
+      (index) => index.set(join(index.slice(32, 56), index.slice(8, 32)), 8), // two entries are exchanged
+      (index) => entry(index, 1).setBigInt64(0, 0n, true), // the pulse does not increase
+      (index) => entry(index, 0).setBigInt64(0, -1n, true),
+      (index) => entry(index, 0).setBigUint64(8, 0n, true), // in the header
+      (index) => entry(index, 2).setBigUint64(8, 16n, true), // before the entry before
+    ];
+    for (const change of changes) expect(await readEntries(new Bytes(changeIndex(meshFile(frames), change)))).toEqual(whole);
+  });
+
+  it('is scanned past a record with a negative pulse', async () => {
+    const head = join(text('V3DR'), fields(300, BigInt.asUintN(64, -5n), crc32(frame(9, 300))));
+    const bytes = meshFile(frames, false);
+    const negative = join(head, fields(crc32(head)), frame(9, 300));
+    const entries = await readEntries(new Bytes(join(bytes.slice(0, 16), negative, bytes.slice(16))));
+    expect(entries.map((e) => e.pulse)).toEqual([0, 1, 4]);
+  });
+
+  it('of another version is rejected with a text of its own', async () => {
+    for (const at of [8, 12]) {
+      const bytes = meshFile(frames);
+      bytes[at] = 2;
+      await expect(readEntries(new Bytes(bytes))).rejects.toThrow('of a version that this page does not support');
+    }
+  });
+
   it('is rejected when it is not a mesh file', async () => {
     await expect(readEntries(new Bytes(text('a page that says 404, not a mesh file')))).rejects.toThrow('not a mesh file');
   });

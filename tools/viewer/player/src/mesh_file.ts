@@ -12,7 +12,9 @@ export interface FrameEntry {
 const HEADER = 16;
 const RECORD = 24;
 const FOOTER = 24;
+const VERSION = 1;
 const MAX_FRAME_BYTES = 268_435_456;
+const MAX_INDEX_BYTES = 67_108_864;
 const CHUNK = 1 << 20;
 const CHUNKS_KEPT = 8;
 
@@ -25,12 +27,18 @@ const magic = (bytes: Uint8Array, at: number) => String.fromCharCode(...bytes.su
  */
 export type OnScan = (part: number) => boolean;
 
+/** A pulse is not negative. JavaScript has exact integers below 2^53. */
+const isPulse = (pulse: number) => Number.isSafeInteger(pulse);
+
 /** Reads the index at the end; scans the file if it was not closed. A scan that `onScan` ends returns the frames so far. */
 export async function readEntries(source: ByteSource, onScan: OnScan = () => true): Promise<FrameEntry[]> {
   const size = await source.size();
   if (size < HEADER) throw new Error('This is not a mesh file.');
   const head = await source.read(0, HEADER);
   if (magic(head, 0) !== 'V3DM') throw new Error('This is not a mesh file.');
+  if (view(head).getUint32(8, true) !== VERSION || view(head).getUint32(12, true) !== 0) {
+    throw new Error('This mesh file is of a version that this page does not support; update V3D.');
+  }
   return (await indexed(source, size)) ?? scanned(source, size, onScan);
 }
 
@@ -40,7 +48,7 @@ async function indexed(source: ByteSource, size: number): Promise<FrameEntry[] |
   if (magic(footer, 16) !== 'V3DE') return null;
   const offset = number64(view(footer), 0);
   const length = view(footer).getUint32(8, true);
-  if (offset + length !== size - FOOTER || length < 8) return null;
+  if (offset + length !== size - FOOTER || length < 8 || length > MAX_INDEX_BYTES) return null;
   const index = await source.read(offset, length);
   if (magic(index, 0) !== 'V3DI' || crc32(index) !== view(footer).getUint32(12, true)) return null;
   const data = view(index);
@@ -51,7 +59,16 @@ async function indexed(source: ByteSource, size: number): Promise<FrameEntry[] |
     offset: number64(data, 16 + 24 * n) + RECORD,
     length: data.getUint32(24 + 24 * n, true),
   }));
-  return entries.every((e) => e.offset + e.length <= offset) ? entries : null;
+  return entries.every((_, n) => isValidEntry(entries, n, offset)) ? entries : null;
+}
+
+/** The rules of docs/compact-frame.md for entry `n`. `end`: where the index begins. */
+function isValidEntry(entries: FrameEntry[], n: number, end: number): boolean {
+  const { pulse, offset, length } = entries[n];
+  const first = HEADER + RECORD;
+  // Records follow each other, so entries of increasing pulses have increasing offsets.
+  const follows = n === 0 || (pulse > entries[n - 1].pulse && offset >= entries[n - 1].offset + entries[n - 1].length + RECORD);
+  return isPulse(pulse) && follows && offset >= first && length <= MAX_FRAME_BYTES && offset + length <= end;
 }
 
 interface FileRecord extends FrameEntry {
@@ -90,8 +107,9 @@ class RecordScan {
     const data = view(head);
     const length = data.getUint32(4, true);
     const right = crc32(head.subarray(0, 20)) === data.getUint32(20, true) && length <= MAX_FRAME_BYTES;
-    if (!right || at + RECORD + length > this.size) return null;
-    return { at, pulse: number64(data, 8), offset: at + RECORD, length, crc: data.getUint32(16, true) };
+    const pulse = number64(data, 8);
+    if (!right || !isPulse(pulse) || at + RECORD + length > this.size) return null;
+    return { at, pulse, offset: at + RECORD, length, crc: data.getUint32(16, true) };
   }
 
   /** The same rule as in MeshFileReader: an unfinished record may contain the head of an appended one. */
