@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <csignal>
+#include <cstdlib>
 #include <fstream>
 
 #include "base/config/calib_file.h"
@@ -12,6 +14,7 @@
 #include "base/image/image_files.h"
 #include "base/io/child_process.h"
 #include "base/io/file.h"
+#include "common/console.h"
 #include "daemon/recorded/take_frames.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
@@ -159,6 +162,33 @@ TEST_F(Import, learns_backgrounds_that_segment_the_frames) {
   EXPECT_TRUE(take.read(0)[0]);
 }
 
+/// What an import with this background of camera a writes on stderr.
+std::string errors_with_background(ImportOptions options, const fs::path& background) {
+  options.backgrounds = {{"a", background}};
+  testing::internal::CaptureStderr();
+  import_take(options);
+  return testing::internal::GetCapturedStderr();
+}
+
+TEST_F(Import, uses_at_most_100_plates_of_a_video_that_does_not_state_its_length) {
+  test::write_jpeg(folder_ / "frame.jpg", test::ball_image(rig_[0]));
+  const std::string jpeg = read_file(folder_ / "frame.jpg");
+  std::string motion_jpeg;
+  for (int frame = 0; frame < 150; ++frame) motion_jpeg += jpeg;
+  replace_file(folder_ / "empty.mjpeg", motion_jpeg);
+  EXPECT_THAT(errors_with_background(options_, folder_ / "empty.mjpeg"),
+              HasSubstr("background of a: 75 plates"));
+}
+
+TEST_F(Import, uses_at_most_100_plates_of_a_folder) {
+  fs::create_directory(folder_ / "empty");
+  for (int image = 0; image < 101; ++image) {
+    fs::copy_file(folder_ / "images/a.png", folder_ / "empty" / (std::to_string(image) + ".png"));
+  }
+  EXPECT_THAT(errors_with_background(options_, folder_ / "empty"),
+              HasSubstr("background of a: 51 plates"));
+}
+
 TEST_F(Import, imports_a_part_of_videos_of_unequal_length) {
   use_videos(7, 5);
   options_.frames = {1, 5};
@@ -199,9 +229,27 @@ TEST_F(Import, rejects_a_video_with_a_frame_that_cannot_be_decoded) {
       (folder_ / "b.avi").string() + ": cannot be decoded near frame 3, 0.300 s";
   EXPECT_THAT(rejection(), HasSubstr(line));
   options_.frames = {4, 6};
-  EXPECT_THAT(rejection(), HasSubstr(line)) << "frames are numbered from the beginning";
+  EXPECT_THAT(rejection(), AllOf(HasSubstr(line), HasSubstr("; --frames 0:3 selects the frames")))
+      << "frames are numbered from the beginning";
   options_.frames = {0, 3};
   EXPECT_EQ(import_take(options_).frames, 3);
+}
+
+using ImportDeathTest = Import;
+
+TEST_F(ImportDeathTest, ends_after_an_interrupt_while_it_passes_over_frames) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");  // the decoder has threads
+  use_videos(7, 7);
+  destroy_frame(folder_ / "b.avi", 3);  // must not be reached
+  options_.frames = {4, 6};
+  const auto exit_after_interrupt = [&] {
+    catch_interrupts();
+    std::raise(SIGINT);
+    const std::string message =
+        test::message_of<std::runtime_error>([&] { import_take(options_); });
+    std::_Exit(message == "interrupted" ? 7 : 0);
+  };
+  EXPECT_EXIT(exit_after_interrupt(), testing::ExitedWithCode(7), "");
 }
 
 /// Converts a video with options of ffmpeg.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <map>
+#include <type_traits>
 
 #include "base/core/error.h"
 #include "base/core/text.h"
@@ -129,13 +130,13 @@ class VideoSource : public FrameSource {
   }
 
   std::optional<SourceImage> next() override {
-    std::optional<Image> image = video_.next();
+    std::optional<Image> image = with_remedy([&] { return video_.next(); });
     if (!image) return std::nullopt;
     const std::string where = file_.string() + " frame " + std::to_string(index_++);
     return SourceImage{*std::move(image), std::nullopt, where, ""};
   }
   bool skip() override {
-    if (!video_.skip()) return false;
+    if (!with_remedy([&] { return video_.skip(); })) return false;
     ++index_;
     return true;
   }
@@ -144,6 +145,18 @@ class VideoSource : public FrameSource {
   double rate_hz() const override { return video_.rate_hz(); }
 
  private:
+  /// Reads a frame. An InputError then names the option that selects the frames before.
+  template <class Read>
+  std::invoke_result_t<Read> with_remedy(Read read) {
+    try {
+      return read();
+    } catch (const InputError& error) {
+      if (index_ == 0) throw;
+      throw InputError(std::string(error.what()) + "; --frames 0:" + std::to_string(index_) +
+                       " selects the frames before");
+    }
+  }
+
   fs::path file_;
   VideoFile video_;
   int64_t index_ = 0;

@@ -142,7 +142,10 @@ double rate_of(const ImportOptions& options, const std::vector<CameraSource>& so
   int64_t shortest = std::numeric_limits<int64_t>::max();
   for (size_t i = 0; i < sources.size(); ++i) {
     int64_t length = ended[i] ? at : at + 1;
-    while (!ended[i] && sources[i].images->skip()) ++length;
+    while (!ended[i] && sources[i].images->skip()) {
+      stop_if_interrupted();
+      ++length;
+    }
     shortest = std::min(shortest, length);
     lengths += (i ? ", " : "") + sources[i].camera->name + " " + std::to_string(length);
   }
@@ -175,6 +178,7 @@ void copy_images(const ImportOptions& options, std::vector<CameraSource>& source
                  TakeBuilder& take) {
   int64_t at = 0;
   for (; at < options.frames.begin; ++at) {
+    stop_if_interrupted();
     if (!advance_all(sources, at, [&](size_t i) { return sources[i].images->skip(); })) break;
   }
   const int64_t length = sources.front().images->announced();
@@ -197,22 +201,52 @@ void copy_images(const ImportOptions& options, std::vector<CameraSource>& source
   }
 }
 
+constexpr size_t kMaxPlates = 100;
+
+/// Plates at equal distances in a video. The length that a file states may be missing or wrong, so
+/// every second plate is dropped whenever there are too many.
+std::vector<Image> read_plates_of_video(const fs::path& file) {
+  std::vector<Image> plates;
+  VideoFile video(file);
+  constexpr auto kMax = static_cast<int64_t>(kMaxPlates);
+  int64_t stride = std::max<int64_t>(1, (video.announced_frames() + kMax - 1) / kMax);
+  for (int64_t at = 0;; ++at) {
+    stop_if_interrupted();
+    if (at % stride != 0) {
+      if (!video.skip()) return plates;
+      continue;
+    }
+    std::optional<Image> plate = video.next();
+    if (!plate) return plates;
+    if (plates.size() == kMaxPlates) {
+      for (size_t i = 1; i < kMaxPlates / 2; ++i) plates[i] = std::move(plates[2 * i]);
+      plates.resize(kMaxPlates / 2);
+      stride *= 2;
+    }
+    plates.push_back(*std::move(plate));
+  }
+}
+
+std::vector<Image> read_plates_of_folder(const fs::path& folder) {
+  const std::vector<fs::path> files = images_in(folder);
+  const size_t stride = std::max<size_t>(1, (files.size() + kMaxPlates - 1) / kMaxPlates);
+  std::vector<Image> plates;
+  for (size_t i = 0; i < files.size(); i += stride) {
+    stop_if_interrupted();
+    plates.push_back(read_image(files[i]));
+  }
+  return plates;
+}
+
 std::vector<Image> read_plates(const fs::path& file) {
   std::vector<Image> plates;
   if (fs::is_directory(file)) {
-    for (const fs::path& image : images_in(file)) plates.push_back(read_image(image));
+    plates = read_plates_of_folder(file);
   } else if (has_image_name(file)) {
     // One image does not show the noise; with two equal ones the noise floor applies.
     plates.assign(2, read_image(file));
   } else {
-    constexpr int64_t kMaxPlates = 100;
-    VideoFile video(file);
-    const int64_t stride =
-        std::max<int64_t>(1, (video.announced_frames() + kMaxPlates - 1) / kMaxPlates);
-    while (std::optional<Image> plate = video.next()) {
-      plates.push_back(*std::move(plate));
-      for (int64_t i = 1; i < stride; ++i) video.skip();
-    }
+    plates = read_plates_of_video(file);
   }
   if (plates.empty()) throw InputError(file.string() + ": has no images of the empty studio");
   return plates;
