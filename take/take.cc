@@ -66,6 +66,16 @@ io::Result<bool> holds_logs(const std::filesystem::path& folder) {
   });
 }
 
+std::string missing_info_text(const std::filesystem::path& folder) {
+  const std::string text = "has logs and no take.toml; ";
+  const std::string suffix = folder.extension();
+  if (suffix.starts_with(".partial-") &&
+      suffix.size() == std::string_view(".partial-").size() + 6) {
+    return text + "by its name, a v3dctl import that was killed has left it; if so, remove it";
+  }
+  return text + "a check of the file system may have moved it to lost+found";
+}
+
 TakeInfo load_take_info(const TakePaths& paths) {
   if (io::value_or_throw(io::type_of(paths.folder)) != std::filesystem::file_type::directory) {
     throw InputError(paths.folder.string() +

@@ -86,9 +86,9 @@ struct TakePaths {
 /// True when the folder has a log of a camera or of the pulses. False when it does not exist, or is
 /// no folder. Fails with path and cause.
 [[nodiscard]] io::Result<bool> holds_logs(const std::filesystem::path& folder);
-/// What is wrong with a folder that has logs and no take.toml.
-inline constexpr const char* kLacksInfo =
-    "has logs and no take.toml; a check of the file system may have moved it to lost+found";
+/// What is wrong with a folder that has logs and no take.toml. The name of a folder that an
+/// interrupted import has left differs from that of a take: "kendo-07.partial-Ab12Cd".
+std::string missing_info_text(const std::filesystem::path& folder);
 
 /// Reads take.toml. Throws InputError when the folder or take.toml is missing, and with file, line
 /// and field when take.toml is invalid.

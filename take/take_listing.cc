@@ -140,7 +140,7 @@ std::vector<TakeListing> find_all_takes(const fs::path& folder,
       if (file_exists(paths.info())) {
         takes.push_back(read(paths));
       } else if (io::value_or_throw(holds_logs(entry))) {
-        throw InputError(entry.string() + ": " + kLacksInfo);
+        throw InputError(entry.string() + ": " + missing_info_text(entry));
       }
     } catch (const InputError& error) {
       takes.emplace_back().paths = paths;

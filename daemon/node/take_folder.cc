@@ -151,7 +151,7 @@ std::vector<RecoveredTake> recover_open_takes(const Studio& studio, const std::s
     try {
       if (io::value_or_throw(io::type_of(paths.info())) == fs::file_type::not_found) {
         if (!io::value_or_throw(take::holds_logs(folder))) continue;
-        throw InputError(take::kLacksInfo);
+        throw InputError(take::missing_info_text(folder));
       }
       const bool has_command = io::value_or_throw(has_persisted_command(paths, node));
       if (!is_open_take_of(load_take_info(paths), cameras, has_command)) continue;

@@ -50,6 +50,14 @@ TEST(TakeInfo, reports_what_a_folder_lacks_to_be_a_take) {
   EXPECT_THAT(error_message(folder.path()), testing::HasSubstr("take.toml is missing"));
 }
 
+TEST(TakeInfo, that_is_missing_in_a_folder_of_an_interrupted_import_is_reported_as_such) {
+  EXPECT_THAT(missing_info_text("/takes/kendo-07.partial-Ab12Cd"),
+              testing::HasSubstr("a v3dctl import that was killed has left it"));
+  for (const char* folder : {"/takes/kendo-07", "/takes/kendo-07.partial-1", "/takes/a.partial"}) {
+    EXPECT_THAT(missing_info_text(folder), testing::HasSubstr("lost+found")) << folder;
+  }
+}
+
 TEST(TakeInfo, reports_the_invalid_field) {
   const test::TemporaryFolder folder;
   const TakePaths paths{folder.path()};

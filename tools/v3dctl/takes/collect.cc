@@ -74,7 +74,7 @@ class Collector {
         takes_[take].push_back(&source);
         if (has_copy(take)) existing_.insert(take);
         if (!found.with_logs.contains(take) || found.recorded.contains(take)) continue;
-        differences_[take] = source.node + ": " + take + " " + take::kLacksInfo;
+        differences_[take] = source.node + ": " + take + " " + take::missing_info_text(take);
       }
       if (request_.takes.empty()) note_uncollected(source, found);
       compare_copies(source, found.recorded, own.path() / source.node);
