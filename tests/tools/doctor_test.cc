@@ -376,11 +376,31 @@ TEST(Doctor, names_a_disk_that_cannot_be_written_as_a_fault) {
 }
 
 TEST(Doctor, checks_the_memory_of_usb_only_with_usb_cameras) {
-  EXPECT_EQ(check_usb_memory(16, true).verdict, Verdict::kBad);
-  EXPECT_EQ(check_usb_memory(16, false).verdict, Verdict::kGood);
-  EXPECT_EQ(check_usb_memory(1000, true).verdict, Verdict::kGood);
-  EXPECT_EQ(check_usb_memory(0, true).verdict, Verdict::kGood) << "no limit";
-  EXPECT_EQ(check_usb_memory(-1, false).verdict, Verdict::kUnknown);
+  Studio studio;
+  studio.nodes = {{.name = "cap01"}, {.name = "recon"}};
+  studio.cameras = {camera_of("cap01", "a")};
+  studio.cameras[0].address = "GV-4103";
+  EXPECT_EQ(check_usb_memory(16, studio, "cap01").verdict, Verdict::kBad);
+  EXPECT_EQ(check_usb_memory(16, studio, "recon").verdict, Verdict::kGood);
+  EXPECT_EQ(check_usb_memory(1000, studio, "cap01").verdict, Verdict::kGood);
+  EXPECT_EQ(check_usb_memory(0, studio, "cap01").verdict, Verdict::kGood) << "no limit";
+  EXPECT_EQ(check_usb_memory(-1, Studio(), "").verdict, Verdict::kUnknown);
+}
+
+TEST(Doctor, judges_the_memory_of_usb_without_a_node_only_where_one_node_has_cameras) {
+  Studio studio;
+  studio.nodes = {{.name = "cap01"}, {.name = "cap02"}};
+  studio.cameras = {camera_of("cap01", "a"), camera_of("cap02", "b")};
+  studio.cameras[0].address = "GV-4103";
+  studio.cameras[1].address = "203.0.113.9";
+  const Finding unknown = check_usb_memory(16, studio, "");
+  EXPECT_EQ(unknown.verdict, Verdict::kUnknown) << "this PC may have the node cap02";
+  EXPECT_THAT(unknown.remedy, HasSubstr("v3dctl doctor NODE"));
+  EXPECT_EQ(check_usb_memory(1000, studio, "").verdict, Verdict::kGood);
+  EXPECT_EQ(check_usb_memory(16, studio, "cap01").verdict, Verdict::kBad);
+  EXPECT_EQ(check_usb_memory(16, studio, "cap02").verdict, Verdict::kGood);
+  studio.cameras.pop_back();
+  EXPECT_EQ(check_usb_memory(16, studio, "").verdict, Verdict::kBad);
 }
 
 TEST(Doctor, takes_no_camera_with_an_ip_address_for_a_usb_camera) {

@@ -78,8 +78,8 @@ std::vector<Finding> check_ptp_scale(const StudioTrigger& trigger);
 // --- disk, memory and priorities: doctor_machine.cc
 
 /// All checks of this kind, for the cameras of `node`, which is this PC; empty: for those of all
-/// nodes, where a disk that is too slow for one of them may be that of another PC. Writes to the
-/// disk of the takes for about 1 s.
+/// nodes, where a disk that is too slow for one of them, or too little memory for USB, may be that
+/// of another PC. Writes to the disk of the takes for about 1 s.
 std::vector<Finding> check_machine(const Studio& studio, const std::string& node);
 /// Free space of the folder of takes.
 Finding check_disk(const std::string& path);
@@ -98,8 +98,10 @@ Finding check_realtime(unsigned long limit, bool root);
 /// Whether one of the cameras has a serial number in place of an IP address. Such a camera may be a
 /// USB camera.
 bool may_have_usb_cameras(const std::vector<StudioCamera>& cameras);
-/// `mb`: usbcore.usbfs_memory_mb, the limit of all USB cameras together; -1 without USB.
-Finding check_usb_memory(long mb, bool has_usb_cameras);
+/// `mb`: usbcore.usbfs_memory_mb of this PC, the limit of all its USB cameras together; -1 without
+/// USB. `node`: as for check_machine(). Without it, too little memory is kUnknown where several
+/// nodes have cameras.
+Finding check_usb_memory(long mb, const Studio& studio, const std::string& node);
 
 // --- lateness of timers: doctor_machine.cc
 

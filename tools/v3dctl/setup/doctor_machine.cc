@@ -161,28 +161,31 @@ bool may_have_usb_cameras(const std::vector<StudioCamera>& cameras) {
   });
 }
 
-Finding check_usb_memory(long mb, bool has_usb_cameras) {
+Finding check_usb_memory(long mb, const Studio& studio, const std::string& node) {
   if (mb < 0) return {Verdict::kUnknown, "USB memory", "no USB on this PC", ""};
   const std::string text = "USB cameras may use " + std::to_string(mb) + " MB";
   if (mb == 0) return {Verdict::kGood, "USB memory", "USB cameras may use any amount", ""};
   if (mb >= kMinUsbMemoryMb) return {Verdict::kGood, "USB memory", text, ""};
-  if (!has_usb_cameras)
+  if (!may_have_usb_cameras(node.empty() ? studio.cameras : studio.cameras_of(node)))
     return {Verdict::kGood, "USB memory", text + "; there are none on this PC", ""};
+  if (!has_cameras_here(studio, node)) {
+    return {Verdict::kUnknown, "USB memory", text,
+            "it matters on a PC with USB cameras: v3dctl doctor NODE, with the name of its node"};
+  }
   return {Verdict::kBad, "USB memory", text + ": frames will be lost",
           "as root: echo 1000 >/sys/module/usbcore/parameters/usbfs_memory_mb; permanently: "
           "usbcore.usbfs_memory_mb=1000 on the kernel's command line"};
 }
 
 std::vector<Finding> check_machine(const Studio& studio, const std::string& node) {
-  const std::vector<StudioCamera> cameras = node.empty() ? studio.cameras : studio.cameras_of(node);
   rlimit realtime{};
   getrlimit(RLIMIT_RTPRIO, &realtime);
   return {check_disk(studio.storage.takes),
           check_disk_speed(studio.storage.takes, needed_disk_speed(studio, node),
                            has_cameras_here(studio, node)),
           check_realtime(realtime.rlim_cur, geteuid() == 0),
-          check_usb_memory(read_number("/sys/module/usbcore/parameters/usbfs_memory_mb"),
-                           may_have_usb_cameras(cameras))};
+          check_usb_memory(read_number("/sys/module/usbcore/parameters/usbfs_memory_mb"), studio,
+                           node)};
 }
 
 namespace {
