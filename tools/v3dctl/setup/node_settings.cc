@@ -4,13 +4,14 @@
 
 #include <algorithm>
 #include <cctype>
-#include <regex>
+#include <initializer_list>
 #include <set>
 #include <sstream>
 #include <stdexcept>
 #include <system_error>
 
 #include "base/core/error.h"
+#include "base/core/text.h"
 #include "base/io/file.h"
 #include "base/io/shared_file.h"
 #include "common/console.h"
@@ -92,22 +93,41 @@ struct NodeLines {
   std::optional<size_t> public_key;
 };
 
+/// The text behind these words, which may have spaces before each; empty unless the line starts so.
+/// Lines of a studio file may have any length, which std::regex_match() does not allow: it uses
+/// stack for each character.
+std::optional<std::string_view> text_behind(std::string_view line,
+                                            std::initializer_list<std::string_view> words) {
+  for (const std::string_view word : words) {
+    line.remove_prefix(std::min(line.find_first_not_of(" \t\r"), line.size()));
+    if (!line.starts_with(word)) return std::nullopt;
+    line.remove_prefix(word.size());
+  }
+  return line;
+}
+
+/// The text in quotes of a line `name = "cap01"`; empty for another line.
+std::optional<std::string_view> name_in(std::string_view line) {
+  constexpr std::string_view kQuotes = "\"'";
+  const auto value = text_behind(line, {"name", "=", ""});  // "": skips spaces
+  if (!value || value->empty() || kQuotes.find(value->front()) == std::string_view::npos)
+    return std::nullopt;
+  const size_t end = value->find_first_of(kQuotes, 1);
+  if (end == std::string_view::npos) return std::nullopt;
+  return value->substr(1, end - 1);
+}
+
 NodeLines find_node(const std::vector<std::string>& lines, std::string_view node) {
-  static const std::regex kHeader(R"(\s*\[.*)");
-  static const std::regex kNodeHeader(R"(\s*\[\[\s*node\s*\]\].*)");
-  static const std::regex kName(R"(\s*name\s*=\s*["']([^"']*)["'].*)");
-  static const std::regex kPublicKey(R"(\s*public_key\s*=.*)");
   NodeLines found;
   bool in_node = false;
   for (size_t i = 0; i < lines.size(); ++i) {
-    std::smatch match;
-    if (std::regex_match(lines[i], kHeader)) {
+    if (text_behind(lines[i], {"["})) {
       if (found.name) break;
-      in_node = std::regex_match(lines[i], kNodeHeader);
+      in_node = text_behind(lines[i], {"[[", "node", "]]"}).has_value();
       found = {};
-    } else if (in_node && std::regex_match(lines[i], match, kName) && match[1].str() == node) {
+    } else if (in_node && name_in(lines[i]) == node) {
       found.name = i;
-    } else if (in_node && std::regex_match(lines[i], kPublicKey)) {
+    } else if (in_node && text_behind(lines[i], {"public_key", "="})) {
       found.public_key = i;
     }
   }
@@ -179,7 +199,7 @@ bool is_key_type(std::string_view word) {
 }
 
 /// True for an empty line, a comment, and a public key, also one after options. The line may have
-/// any length, which std::regex_match() does not allow: it uses stack for each character.
+/// any length.
 bool is_login_line(const std::string& line) {
   std::istringstream in(line);
   std::string before, word;
@@ -190,6 +210,17 @@ bool is_login_line(const std::string& line) {
     before = word;
   }
   return false;
+}
+
+constexpr size_t kMaxServerName = 253;  // of a name in DNS
+
+/// True for the characters of a name or of an address, of which the first is a letter or a digit.
+bool is_server_name(std::string_view name) {
+  constexpr std::string_view kLetters =
+      "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789.:-";
+  constexpr std::string_view kOther = ".:-";
+  return !name.empty() && name.find_first_not_of(kLetters) == std::string_view::npos &&
+         kOther.find(name.front()) == std::string_view::npos;
 }
 
 void require_path(const fs::path& path, const std::string& field, const fs::path& actual,
@@ -217,8 +248,12 @@ void replace_lists(const fs::path& folder, const NodeSettings& settings) {
 }  // namespace
 
 void require_host_name(const std::string& name) {
-  static const std::regex kHostName("[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?");
-  if (std::regex_match(name, kHostName)) return;
+  constexpr size_t kMaxLength = 63;
+  constexpr std::string_view kCharacters = "abcdefghijklmnopqrstuvwxyz0123456789-";
+  const bool is_host_name = !name.empty() && name.size() <= kMaxLength &&
+                            name.find_first_not_of(kCharacters) == std::string::npos &&
+                            name.front() != '-' && name.back() != '-';
+  if (is_host_name) return;
   throw InputError("node '" + name +
                    "': the name is also that of a host; use small letters, digits and '-', at most "
                    "63, e.g. cap07");
@@ -276,10 +311,14 @@ std::string read_login_keys(const fs::path& path) {
 }
 
 std::string time_servers_text(const std::vector<std::string>& servers) {
-  static const std::regex kServer("[0-9A-Za-z][0-9A-Za-z.:-]*");
   std::string text;
   for (const std::string& server : servers) {
-    if (!std::regex_match(server, kServer)) {
+    if (server.size() > kMaxServerName) {
+      throw InputError("--time-server has " + format_count(std::ssize(server)) +
+                       " characters; expected a name of at most " + format_count(kMaxServerName) +
+                       " or an address");
+    }
+    if (!is_server_name(server)) {
       throw InputError("--time-server '" + server +
                        "': expected a name or an address, e.g. ntp.studio or 192.168.1.1");
     }

@@ -86,7 +86,8 @@ void require_appliance_paths(std::string_view text, const std::filesystem::path&
 /// no public key.
 std::string read_login_keys(const std::filesystem::path& path);
 
-/// Text of the file time_servers. Throws InputError for a text that is no name and no address.
+/// Text of the file time_servers. Throws InputError for a text that is no name and no address, or
+/// that has more than 253 characters.
 std::string time_servers_text(const std::vector<std::string>& servers);
 
 /// Writes the settings to the new folder `stick`/v3d/NAME, and as its last file `id`, a random
