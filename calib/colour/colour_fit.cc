@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 #include <numbers>
+#include <numeric>
 #include <string>
 
 #include "base/core/error.h"
@@ -100,6 +101,7 @@ ColourFit with_differences(const Places& places, std::vector<ColourResponse> res
   const Differences differences(places, responses);
   ColourFit fit;
   for (size_t c = 0; c < responses.size(); ++c) fit.differences.push_back(differences.of(c));
+  fit.fitted.assign(responses.size(), true);
   fit.responses = std::move(responses);
   fit.overall = differences.all(0.5);
   fit.ninety_percent = differences.all(0.9);
@@ -108,12 +110,26 @@ ColourFit with_differences(const Places& places, std::vector<ColourResponse> res
 
 // --- views
 
+/// The group of each camera, numbered by one of its cameras: shared places connect its cameras.
+std::vector<int> groups_of(const Places& places, size_t cameras) {
+  std::vector<int> groups(cameras);
+  std::iota(groups.begin(), groups.end(), 0);
+  for (const auto& [number, samples] : places) {
+    for (const ColourSample* sample : samples) {
+      const int from = groups[sample->camera], to = groups[samples.front()->camera];
+      if (from != to) std::ranges::replace(groups, from, to);
+    }
+  }
+  return groups;
+}
+
 /// All corrections of a rig, from places that several cameras show.
 class ViewSolver {
  public:
   ViewSolver(const Places& places, const ColourOptions& options)
       : places_(places),
         cameras_(static_cast<int>(options.cameras.size())),
+        groups_(groups_of(places, options.cameras.size())),
         black_known_(!options.black.empty()),
         corrections_(options.cameras.size(), identity()) {}
 
@@ -189,20 +205,23 @@ class ViewSolver {
     return prior;
   }
 
-  /// Least squares with Lagrange multipliers for the mean over the cameras.
+  /// Least squares with Lagrange multipliers for the mean over the cameras of each group.
   void solve_channel(int channel) {
     const int size = 4 * cameras_;
     const Vector4d unit = Vector4d::Unit(channel);
-    Eigen::MatrixXd a = Eigen::MatrixXd::Zero(size + 4, size + 4);
-    Eigen::VectorXd b = Eigen::VectorXd::Zero(size + 4);
+    // The block of a group has the number of a camera; a number without a group is the identity.
+    Eigen::MatrixXd a = Eigen::MatrixXd::Identity(2L * size, 2L * size);
+    Eigen::VectorXd b = Eigen::VectorXd::Zero(2L * size);
     a.topLeftCorner(size, size) = normal_matrix_;
     for (int c = 0; c < cameras_; ++c) {
       a.diagonal().segment<4>(4L * c) += prior_of(channel);
       b.segment<4>(4L * c) = prior_of(channel).cwiseProduct(unit);
-      a.block<4, 4>(4L * c, size).setIdentity();
-      a.block<4, 4>(size, 4L * c).setIdentity();
+      const long group = size + 4L * groups_[c];
+      a.block<4, 4>(group, group).setZero();
+      a.block<4, 4>(4L * c, group).setIdentity();
+      a.block<4, 4>(group, 4L * c).setIdentity();
+      b.segment<4>(group) += unit;
     }
-    b.tail<4>() = cameras_ * unit;
     const Eigen::VectorXd x = a.partialPivLu().solve(b);
     for (int c = 0; c < cameras_; ++c) {
       corrections_[c].row(channel) = x.segment<4>(4L * c).transpose();
@@ -211,6 +230,7 @@ class ViewSolver {
 
   const Places& places_;
   int cameras_;
+  std::vector<int> groups_;
   bool black_known_;
   std::vector<Correction> corrections_;
   Eigen::MatrixXd normal_matrix_;
@@ -301,7 +321,13 @@ ColourFit fit_views(std::span<const ColourSample> samples, const ColourOptions& 
   }
   std::erase_if(fitted, [](const auto& place) { return place.first % kHoldOutEvery == 0; });
   std::erase_if(held_out, [](const auto& place) { return place.first % kHoldOutEvery != 0; });
-  return with_differences(held_out, with_black(ViewSolver(fitted, options).solve(), options));
+  ColourFit fit =
+      with_differences(held_out, with_black(ViewSolver(fitted, options).solve(), options));
+  fit.fitted.assign(options.cameras.size(), false);
+  for (const auto& [number, seen] : fitted) {
+    for (const ColourSample* sample : seen) fit.fitted[sample->camera] = true;
+  }
+  return fit;
 }
 
 ColourFit fit_chart(std::span<const ColourSample> samples, const ColourOptions& options) {

@@ -30,6 +30,7 @@ struct ColourDifference {
 
 struct ColourFit {
   std::vector<ColourResponse> responses;      ///< by camera
+  std::vector<bool> fitted;                   ///< by camera; false: it shares no place
   std::vector<ColourDifference> differences;  ///< by camera
   ColourDifference overall;                   ///< over all cameras and places
   ColourDifference ninety_percent;            ///< 90th percentile over all cameras and places
@@ -48,10 +49,12 @@ inline constexpr int kMinPlaces = 30;
 ///
 /// Solves one linear least-squares problem for all cameras, min |A_c v_pc - X_p|^2, where A_c is
 /// the correction of camera c, v_pc its sample of place p, and X_p the unknown colour of the place,
-/// which is eliminated. The mean of all A_c is constrained to the identity, so brightness and white
-/// of the rig as a whole do not change. Outliers (highlights, occlusion) are down-weighted by
-/// iterated Huber weights. Every fifth place is held out; the differences are those of the held-out
-/// places. Throws InputError for fewer than kMinPlaces shared places. Pure.
+/// which is eliminated. The mean of the A_c is constrained to the identity, so brightness and white
+/// of the rig as a whole do not change. Cameras that no shared place connects have a mean for each
+/// group; that of a camera without shared places is the identity, and it is not `fitted`. Outliers
+/// (highlights, occlusion) are down-weighted by iterated Huber weights. Every fifth place is held
+/// out; the differences are those of the held-out places. Throws InputError for fewer than
+/// kMinPlaces shared places. Pure.
 ColourFit fit_views(std::span<const ColourSample> samples, const ColourOptions& options);
 
 /// Colour responses from a colour chart with 24 patches (places 0 to 23: dark skin to black).

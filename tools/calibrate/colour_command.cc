@@ -144,6 +144,11 @@ void print_text(const Rig& rig, const calib::ColourFit& fit) {
   for (size_t i = 0; i < rig.size(); ++i) {
     const calib::ColourDifference& d = fit.differences[i];
     const std::string& name = rig[i].name;
+    if (!fit.fitted[i]) {
+      std::printf("%-*s  shares no place with another camera; keeps its colours\n",
+                  static_cast<int>(widest), name.c_str());
+      continue;
+    }
     if (d.places == 0) {
       std::printf("%-*s  shares no place with another camera\n", static_cast<int>(widest),
                   name.c_str());
@@ -171,7 +176,7 @@ int run(const ctl::CommandLine& line, const Arguments& arguments) {
   const Result result = fit_colours(line, arguments, rig);
   std::vector<std::string> names;
   for (size_t i = 0; i < rig.size(); ++i) {
-    rig[i].colour = result.fit.responses[i];
+    if (result.fit.fitted[i]) rig[i].colour = result.fit.responses[i];
     names.push_back(rig[i].name);
   }
   save_result(arguments.out, rig);

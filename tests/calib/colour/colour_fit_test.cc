@@ -88,6 +88,30 @@ TEST(ColourFit, keeps_the_mean_brightness_and_white_of_the_rig) {
   EXPECT_LT((sum / kNames.size() - Vector3d(99, 99, 99)).norm(), 1e-6);
 }
 
+/// The mean of what cameras `first` to `last` show of a grey of 99.
+Vector3d mean_of_grey(const ColourFit& fit, int first, int last) {
+  Vector3d sum = Vector3d::Zero();
+  for (int c = first; c <= last; ++c) sum += fit.responses[c].corrected({99, 99, 99});
+  return sum / (last - first + 1);
+}
+
+TEST(ColourFit, does_not_change_the_brightness_by_a_camera_that_shares_no_place) {
+  std::vector<ColourSample> samples = views(1200);
+  std::erase_if(samples, [](const ColourSample& sample) { return sample.camera == 5; });
+  const ColourFit fit = fit_views(samples, {kNames});
+  EXPECT_EQ(fit.fitted, std::vector<bool>({true, true, true, true, true, false}));
+  EXPECT_LT((mean_of_grey(fit, 0, 4) - Vector3d(99, 99, 99)).norm(), 1e-6);
+  EXPECT_LT((mean_of_grey(fit, 5, 5) - Vector3d(99, 99, 99)).norm(), 1e-6);
+}
+
+TEST(ColourFit, keeps_the_mean_brightness_of_each_group_of_cameras_that_share_places) {
+  std::vector<ColourSample> samples = views(1200);
+  std::erase_if(samples, [](const ColourSample& s) { return s.place % 2 != s.camera / 3; });
+  const ColourFit fit = fit_views(samples, {kNames});
+  EXPECT_LT((mean_of_grey(fit, 0, 2) - Vector3d(99, 99, 99)).norm(), 1e-6);
+  EXPECT_LT((mean_of_grey(fit, 3, 5) - Vector3d(99, 99, 99)).norm(), 1e-6);
+}
+
 TEST(ColourFit, is_robust_to_wrong_samples) {
   std::vector<ColourSample> samples = views(400);
   for (size_t i = 0; i < samples.size(); i += 10) samples[i].grey = {240, 20, 130};
