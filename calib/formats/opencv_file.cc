@@ -18,8 +18,15 @@ using Numbers = std::vector<double>;
 using Keys = std::initializer_list<const char*>;
 
 constexpr Keys kMatrixKeys = {"camera_matrix", "cameraMatrix", "CameraMatrix", "K"};
-constexpr Keys kDistortionKeys = {"distortion_coefficients", "distCoeffs", "DistortionCoeffs",
-                                  "dist_coeffs", "D"};
+constexpr Keys kDistortionKeys = {"distortion_coefficients",
+                                  "distCoeffs",
+                                  "DistortionCoeffs",
+                                  "dist_coeffs",
+                                  "dist_coeff",
+                                  "dist_coefs",
+                                  "distortion",
+                                  "dist",
+                                  "D"};
 constexpr Keys kRotationKeys = {"R", "rvec", "Rotation"};
 constexpr Keys kTranslationKeys = {"T", "t", "tvec", "Translation"};
 constexpr Keys kSizeKeys = {"image_size", "imageSize", "resolution"};
@@ -132,6 +139,10 @@ Eigen::Matrix3d matrix_of(const Numbers& numbers) {
 }
 
 Distortion distortion_of(const File& file, Keys keys) {
+  if (file.find(keys).empty()) {
+    file.fail("does not contain " + std::string(*keys.begin()) +
+              "; for a lens without distortion, give it 5 zeros");
+  }
   const Numbers given = file.numbers(keys);
   constexpr std::array<size_t, 6> kLengths = {0, 4, 5, 8, 12, 14};
   if (std::ranges::find(kLengths, given.size()) == kLengths.end()) {

@@ -224,6 +224,21 @@ TEST(OpencvFile, reports_missing_and_invalid_fields) {
               HasSubstr("use --size"));
 }
 
+TEST(OpencvFile, without_distortion_coefficients_is_rejected) {
+  EXPECT_EQ(opencv_error(kYaml, "dist_coeffs", "lens_errors"),
+            "c.yml: does not contain distortion_coefficients; for a lens without distortion, give "
+            "it 5 zeros");
+}
+
+TEST(OpencvFile, accepts_the_other_names_of_distortion_coefficients) {
+  for (const std::string name : {"dist_coeff", "dist_coefs", "distortion", "dist"}) {
+    std::string text = kYaml;
+    text.replace(text.find("dist_coeffs"), 11, name);
+    const Rig rig = parse_opencv(text, {"cam4", ImageSize{640, 480}}, "c.yml");
+    EXPECT_EQ(rig[0].model.distortion()[0], -0.1) << name;
+  }
+}
+
 TEST(OpencvFile, with_deeply_nested_nodes_is_rejected) {
   const std::string deep = "%YAML:1.0\na: " + std::string(100'000, '[');
   EXPECT_THAT(test::message_of<InputError>([&] { parse_opencv(deep, {"c"}, "c.yml"); }),
