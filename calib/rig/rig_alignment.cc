@@ -65,6 +65,20 @@ double scale_of(const std::vector<MatchedCamera>& cameras) {
   return ratios.empty() ? 1 : upper_median(ratios);
 }
 
+/// At least half of the distances between cameras have the ratio `scale`, within 1 %.
+bool most_distances_have(double scale, const std::vector<MatchedCamera>& cameras) {
+  size_t agreeing = 0, all = 0;
+  for (size_t i = 0; i < cameras.size(); ++i) {
+    for (size_t j = 0; j < i; ++j) {
+      const double expected = scale * (cameras[i].previous - cameras[j].previous).norm();
+      const double now = (cameras[i].now - cameras[j].now).norm();
+      agreeing += std::abs(now - expected) <= 0.01 * expected;
+      ++all;
+    }
+  }
+  return 2 * agreeing >= all;
+}
+
 /// The largest distance between the positions now and before, after the best fit, with the names
 /// of cameras i and j exchanged.
 double max_distance(const std::vector<MatchedCamera>& cameras, size_t i, size_t j) {
@@ -116,6 +130,7 @@ RigDifference compare_rigs(const Rig& now, const Rig& previous) {
   const std::vector<MatchedCamera> cameras = match_cameras(now, previous);
   if (cameras.size() < 2 || !(extent_of(cameras) > 1e-6)) return difference;
   difference.scale = scale_of(cameras);
+  difference.same_shape = most_distances_have(difference.scale, cameras);
   if (cameras.size() < 4) return difference;
   constexpr double kMaxDistance = 0.05;  // of the rig's size
   const double tolerance = kMaxDistance * extent_of(cameras);

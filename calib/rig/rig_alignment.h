@@ -17,6 +17,8 @@ namespace v3d::calib {
 struct RigDifference {
   /// Median ratio of the distances between cameras, now to previous; 1 where it is unknown.
   double scale = 1;
+  /// At least half of the distances have this ratio; else cameras were moved.
+  bool same_shape = true;
   /// Pairs of cameras with exchanged positions.
   std::vector<std::pair<std::string, std::string>> swapped;
 };

@@ -383,10 +383,11 @@ class RigFitter {
       throw_swapped_cameras(difference.swapped[0].first, difference.swapped[0].second,
                             "each is at the position of");
     }
-    if (std::abs(difference.scale - 1) > kScaleTolerance) {
+    if (difference.same_shape && std::abs(difference.scale - 1) > kScaleTolerance) {
       throw InputError(fmt::format(
           "wrong board size: the distances between the cameras would be {:.3f} times those of "
-          "the previous calibration: are the squares {:.1f} mm instead of {:.1f}?",
+          "the previous calibration: are the squares {:.1f} mm instead of {:.1f}? If the "
+          "cameras were moved apart instead, remove their poses from the previous calibration",
           difference.scale, 1000 * board_.square_m / difference.scale, 1000 * board_.square_m));
     }
   }

@@ -182,6 +182,23 @@ TEST_F(RigFitting, reports_a_board_of_another_size_than_before) {
   EXPECT_NO_THROW(fit_rig(board(), cameras, options));
 }
 
+TEST_F(RigFitting, accepts_cameras_that_were_moved_since_the_previous_calibration) {
+  RigOptions options;
+  Rig previous = truth_;
+  for (size_t i = 0; i < previous.size(); ++i) {
+    const CameraModel& m = previous[i].model;
+    RigidTransform pose = m.cam_from_world();
+    pose.translation *= 0.5 + 0.03 * static_cast<double>(i);
+    previous[i].model = CameraModel(m.size(), m.matrix(), m.distortion(), pose);
+  }
+  const RigDifference difference = compare_rigs(truth_, previous);
+  EXPECT_GT(difference.scale, 1.02);
+  EXPECT_FALSE(difference.same_shape);
+  options.previous = previous;
+  const auto cameras = observe_board_walk(board(), truth_, {200, 0.2, 1});
+  EXPECT_NO_THROW(fit_rig(board(), cameras, options));
+}
+
 /// A slowly moving board, which also turns about its normal by `spin_rad` from image to image. The
 /// images of one camera are late by `late` images.
 std::vector<CameraObservations> slow_walk(const Rig& rig, double late, const Board& shown = board(),
