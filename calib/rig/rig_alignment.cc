@@ -325,6 +325,15 @@ std::optional<Similarity> locate_board(const Rig& rig, const Board& board,
   return found ? std::optional(found->board_from_world) : std::nullopt;
 }
 
+std::vector<std::string> find_weaknesses(const FloorFit& fit) {
+  constexpr double kMaxDisagreementDeg = 1;  // a small, distant board contributes half of it
+  if (!(fit.disagreement_deg > kMaxDisagreementDeg)) return {};
+  return {fmt::format(
+      "two cameras see the board's normal {:.1f} degrees apart, so their calibrated directions are "
+      "inaccurate; calibrate the rig again",
+      fit.disagreement_deg)};
+}
+
 FloorFit fit_floor(const Rig& rig, const Board& board,
                    const std::vector<CameraObservations>& cameras) {
   std::vector<BoardView> views = views_of(rig, board, cameras);

@@ -59,6 +59,9 @@ struct FloorFit {
   std::vector<int> cameras;  ///< indices of the cameras in the rig that observed the board
 };
 
+/// A sentence where two cameras disagree by more than a degree, else none.
+std::vector<std::string> find_weaknesses(const FloorFit& fit);
+
 /// Pose and size of the board by triangulation of its corners. Empty where fewer than four corners
 /// are observed by two cameras. Returns board_from_world with scale.
 std::optional<Similarity> locate_board(const Rig& rig, const Board& board,

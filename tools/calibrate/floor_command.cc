@@ -1,5 +1,6 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <string>
 
 #include "base/config/calib_file.h"
 #include "base/core/error.h"
@@ -12,8 +13,6 @@ namespace v3d::calibrate {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-constexpr double kMaxDisagreementDeg = 1;  // a small, distant board contributes half of it
 
 struct Arguments {
   std::string board;
@@ -30,19 +29,15 @@ Json to_json(const calib::FloorFit& fit) {
           {"cameras", cameras},
           {"disagreement_deg", fit.disagreement_deg},
           {"board_by_rig", fit.board_by_rig},
-          {"scaled", fit.scaled}};
+          {"scaled", fit.scaled},
+          {"weak", find_weaknesses(fit)}};
 }
 
 void print_text(const calib::FloorFit& fit) {
   std::printf("floor: %.2f px RMS in %s; ratio of board to rig lengths: %.4f%s\n", fit.rms_px,
               ctl::count_of(std::ssize(fit.cameras), "camera").c_str(), fit.board_by_rig,
               fit.scaled ? " (the rig was scaled)" : "");
-  if (fit.disagreement_deg > kMaxDisagreementDeg) {
-    std::printf(
-        "weak: two cameras see the board's normal %.1f degrees apart, so their calibrated "
-        "directions are inaccurate; calibrate the rig again\n",
-        fit.disagreement_deg);
-  }
+  for (const std::string& weak : find_weaknesses(fit)) std::printf("weak: %s\n", weak.c_str());
 }
 
 int run(const ctl::CommandLine& line, const Arguments& arguments) {

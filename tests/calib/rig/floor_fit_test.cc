@@ -98,5 +98,13 @@ TEST_F(FloorFitting, rejects_a_single_camera_and_a_board_that_does_not_fit) {
               HasSubstr("does not fit the calibration"));
 }
 
+TEST(FloorWeaknesses, are_cameras_that_disagree_by_more_than_a_degree) {
+  FloorFit fit;
+  fit.disagreement_deg = 0.5;
+  EXPECT_THAT(find_weaknesses(fit), testing::IsEmpty());
+  fit.disagreement_deg = 2;
+  EXPECT_THAT(find_weaknesses(fit), testing::ElementsAre(HasSubstr("2.0 degrees apart")));
+}
+
 }  // namespace
 }  // namespace v3d::calib
