@@ -387,7 +387,8 @@ class RigFitter {
       throw InputError(fmt::format(
           "wrong board size: the distances between the cameras would be {:.3f} times those of "
           "the previous calibration: are the squares {:.1f} mm instead of {:.1f}? If the "
-          "cameras were moved apart instead, remove their poses from the previous calibration",
+          "cameras were moved apart instead, set each translation of the previous calibration to "
+          "[0, 0, 0]",
           difference.scale, 1000 * board_.square_m / difference.scale, 1000 * board_.square_m));
     }
   }

@@ -178,7 +178,8 @@ TEST_F(RigFitting, reports_a_board_of_another_size_than_before) {
   options.previous = truth_;
   const Board larger = parse_board("chess:9x6:110mm");
   EXPECT_THAT(test::message_of<InputError>([&] { fit_rig(larger, cameras, options); }),
-              HasSubstr("are the squares 100.0 mm instead of 110.0?"));
+              testing::AllOf(HasSubstr("are the squares 100.0 mm instead of 110.0?"),
+                             HasSubstr("were moved")));
   EXPECT_NO_THROW(fit_rig(board(), cameras, options));
 }
 
