@@ -129,6 +129,7 @@ Json to_json(const Rig& rig, const calib::ColourFit& fit) {
     cameras.push_back({{"name", rig[i].name},
                        {"delta_e", to_json(fit.differences[i])},
                        {"places", fit.differences[i].places},
+                       {"fitted", fit.fitted[i]},
                        {"black", {black[0], black[1], black[2]}},
                        {"matrix", matrix}});
   }
@@ -173,10 +174,11 @@ int run(const ctl::CommandLine& line, const Arguments& arguments) {
   check_outputs(arguments);
   Rig rig = load_calib(arguments.calib);
   ctl::catch_interrupts();
-  const Result result = fit_colours(line, arguments, rig);
+  Result result = fit_colours(line, arguments, rig);
   std::vector<std::string> names;
   for (size_t i = 0; i < rig.size(); ++i) {
-    if (result.fit.fitted[i]) rig[i].colour = result.fit.responses[i];
+    if (!result.fit.fitted[i]) result.fit.responses[i] = rig[i].colour;
+    rig[i].colour = result.fit.responses[i];
     names.push_back(rig[i].name);
   }
   save_result(arguments.out, rig);
