@@ -255,6 +255,8 @@ void NodeTake::stop_pipelines(take::Ledger& ledger) {
     ledger.files.push_back(pipeline->file());
   }
   ledger.sounds = end_sound();
+  const bool lacks_sound = context_.sound != nullptr && ledger.sounds.empty();
+  if (lacks_sound && ledger.commanded > 0) ledger.nodes_without_sound = {context_.name};
 }
 
 std::string NodeTake::unsynced(const io::Status& pulse_log) const {

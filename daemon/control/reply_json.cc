@@ -20,9 +20,13 @@ void add_absent_nodes(const std::vector<take::TakeNode>& nodes, Json& json) {
   }
 }
 
-/// Adds `sounds`, the sound files and what problem_line() reports of them, if there are any.
-void add_sounds(const std::vector<take::SoundLedger>& sounds, nlohmann::json& json) {
-  for (const take::SoundLedger& sound : sounds) {
+/// Adds `sounds`, the sound files and what problem_line() reports of them, and
+/// `nodes_without_sound`, if there are any.
+void add_sounds(const take::Ledger& ledger, nlohmann::json& json) {
+  for (const std::string& node : ledger.nodes_without_sound) {
+    json["nodes_without_sound"].push_back(node);
+  }
+  for (const take::SoundLedger& sound : ledger.sounds) {
     json["sounds"].push_back({{"file", sound.file},
                               {"node", sound.node},
                               {"samples", sound.samples},
@@ -103,7 +107,7 @@ nlohmann::json json_of(const take::Ledger& ledger, bool is_packed) {
       {"cameras", cameras}};
   if (ledger.commanded_is_minimum) json["pulses"]["commanded_is_minimum"] = true;
   add_absent_nodes(ledger.absent_nodes, json);
-  add_sounds(ledger.sounds, json);
+  add_sounds(ledger, json);
   return json;
 }
 

@@ -294,6 +294,7 @@ Ledger merge(const std::vector<Ledger>& parts) {
       whole.cameras.push_back(std::move(camera));
     }
     whole.sounds.insert(whole.sounds.end(), part.sounds.begin(), part.sounds.end());
+    std::ranges::copy(part.nodes_without_sound, std::back_inserter(whole.nodes_without_sound));
   }
   return whole;
 }
@@ -336,6 +337,9 @@ std::vector<std::string> problem_lines(const Ledger& ledger) {
   }
   for (const SoundLedger& sound : ledger.sounds) {
     if (const std::string line = problem_line(sound); !line.empty()) lines.push_back(line);
+  }
+  for (const std::string& node : ledger.nodes_without_sound) {
+    lines.push_back("sound of " + node + ": nothing was recorded");
   }
   return lines;
 }

@@ -69,6 +69,9 @@ struct Ledger {
   std::vector<int64_t> runt = {};      ///< pulses that it detected as too short
   std::vector<CameraLedger> cameras;
   std::vector<SoundLedger> sounds = {};  ///< does not decide whether the take is complete
+  /// Nodes with a sound device of which nothing was recorded. Not in ledger.toml, so that earlier
+  /// versions read it: verify_take() finds them by the studio file of the take.
+  std::vector<std::string> nodes_without_sound = {};
   /// Of a collected take: its capture nodes that are not in this copy, because the operator left
   /// them out.
   std::vector<TakeNode> absent_nodes = {};
@@ -120,8 +123,9 @@ Ledger merge(const std::vector<Ledger>& parts);
 /// Formats ascending numbers, neighbours and regular ones as ranges: "3-17, 20, 30-98 by 2". After
 /// 24 ranges, for a terminal: ", ... (108,000 in all; --json lists them)".
 std::string number_ranges(const std::vector<int64_t>& numbers);
-/// The absent nodes, the missing and runt pulses of the sense line, and the missing, duplicate and
-/// suspect pulses of each camera, one line each. Empty when the ledger has none.
+/// The absent nodes, the missing and runt pulses of the sense line, the missing, duplicate and
+/// suspect pulses of each camera, and the problems of the sound, one line each. Empty when the
+/// ledger has none.
 std::vector<std::string> problem_lines(const Ledger& ledger);
 /// Exposed, received, written and published frames of each camera, as a text table.
 std::vector<std::string> table_lines(const Ledger& ledger);

@@ -249,23 +249,53 @@ class Verifier {
 
   /// Compares the sound files with the ledger; without a ledger, counts their samples.
   void count_sounds(const std::optional<Ledger>& stored) {
-    auto counted = read_sounds(paths_);
+    const auto counted = read_sounds(paths_);
     if (!counted) return report(counted.error().message, false);
     for (const std::string& problem : counted->problems) result_.disagreements.push_back(problem);
-    if (!stored) {
-      result_.ledger.sounds = std::move(counted->sounds);
-      return;
-    }
-    result_.ledger.sounds = stored->sounds;
-    for (const SoundLedger& listed : stored->sounds) {
-      const auto found = std::ranges::find(counted->sounds, listed.file, &SoundLedger::file);
-      if (found == counted->sounds.end()) continue;  // unreadable, or reported as a missing file
+    result_.ledger.sounds = stored ? stored->sounds : counted->sounds;
+    if (stored) compare_sounds(*stored, counted->sounds);
+    if (counted->problems.empty()) find_nodes_without_sound(counted->sounds);
+  }
+
+  void compare_sounds(const Ledger& stored, const std::vector<SoundLedger>& counted) {
+    for (const SoundLedger& listed : stored.sounds) {
+      const auto found = std::ranges::find(counted, listed.file, &SoundLedger::file);
+      if (found == counted.end()) continue;  // unreadable, or reported as a missing file
       if (found->samples != listed.samples || found->rate_hz != listed.rate_hz ||
           found->channels != listed.channels) {
         result_.disagreements.push_back(listed.file + ": holds " + contents_of(*found) +
                                         ", the ledger says " + contents_of(listed));
       }
     }
+  }
+
+  /// A device that delivered nothing during a whole take has no file and no table in the ledger.
+  void find_nodes_without_sound(const std::vector<SoundLedger>& counted) {
+    Ledger& ledger = result_.ledger;
+    if (ledger.commanded == 0) return;
+    try {
+      const std::optional<Studio> studio = load_take_studio(paths_);
+      if (!studio) return;
+      for (const StudioSound& sound : studio->sounds) {
+        const auto is_of_node = [&](const SoundLedger& file) { return file.node == sound.node; };
+        const bool has_sound = std::ranges::any_of(ledger.sounds, is_of_node) ||
+                               std::ranges::any_of(counted, is_of_node);
+        if (!has_sound && is_in_folder(sound.node, *studio)) {
+          ledger.nodes_without_sound.push_back(sound.node);
+        }
+      }
+    } catch (const InputError&) {  // reported as a damaged file of the take
+    }
+  }
+
+  /// The folder may have the part of one node. It has that of `node` if it has one of its cameras
+  /// or, without any camera, if the node is that of the trigger.
+  bool is_in_folder(const std::string& node, const Studio& studio) const {
+    const std::vector<std::string>& cameras = result_.info.cameras;
+    if (cameras.empty()) return node == studio.trigger.node;
+    return std::ranges::any_of(studio.cameras_of(node), [&](const StudioCamera& camera) {
+      return std::ranges::find(cameras, camera.name) != cameras.end();
+    });
   }
 
   void check_calib() {

@@ -165,6 +165,7 @@ TEST_F(AbsentSoundStudio, a_sound_device_that_is_absent_does_not_stop_the_pictur
   const take::Verification verified = verify_take(take());
   EXPECT_TRUE(verified.whole());
   EXPECT_THAT(verified.ledger.sounds, IsEmpty());
+  EXPECT_THAT(verified.ledger.nodes_without_sound, testing::ElementsAre("cap01"));
   EXPECT_THAT(check({"--pulses", "10"}),
               HasSubstr("sound of cap01: cannot open hw:CARD=NoSuchCard"));
 }

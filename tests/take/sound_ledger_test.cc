@@ -8,6 +8,7 @@
 #include "sound/wave_file.h"
 #include "support/begun_take.h"
 #include "support/message_of.h"
+#include "support/studio_text.h"
 #include "support/temporary_folder.h"
 #include "take/ledger/take_account.h"
 #include "take/ledger/verify.h"
@@ -163,6 +164,46 @@ TEST(SoundOfATake, that_is_missing_or_not_in_the_ledger_disagrees) {
   const auto disagreements = verify_take(paths).disagreements;
   EXPECT_THAT(disagreements, Contains(HasSubstr("sound/cap01.wav: missing")));
   EXPECT_THAT(disagreements, Contains(HasSubstr("sound/cap02.wav: is not named in the ledger")));
+}
+
+/// Nodes without sound, by a verification of a take with these cameras. All three nodes of its
+/// studio have a sound device; cap01 has the trigger.
+std::vector<std::string> nodes_without_sound(const TakePaths& paths,
+                                             const std::vector<std::string>& cameras) {
+  std::string studio =
+      test::studio_text({{"cap01", {"cam01"}}, {"cap02", {"cam02"}}, {"cap03", {"cam03"}}});
+  for (const std::string node : {"cap01", "cap02", "cap03"}) {
+    studio += "[[sound]]\nnode = '" + node + "'\ndevice = 'hw:1'\n";
+  }
+  test::write_text(paths.studio(), studio);
+  TakeInfo info = load_take_info(paths);
+  info.cameras = cameras;
+  EXPECT_TRUE(save_take_info(paths, info));
+  const Ledger ledger = verify_take(paths).ledger;
+  for (const std::string& node : ledger.nodes_without_sound) {
+    EXPECT_THAT(problem_lines(ledger), Contains("sound of " + node + ": nothing was recorded"));
+  }
+  return ledger.nodes_without_sound;
+}
+
+TEST(SoundOfATake, of_which_a_device_has_delivered_nothing_is_reported) {
+  const test::TemporaryFolder folder;
+  const TakePaths paths{folder / "kendo-07"};
+  record(paths, TakeState::kComplete);
+  EXPECT_THAT(nodes_without_sound(paths, {"cam01"}), IsEmpty()) << "the other parts are not here";
+  EXPECT_THAT(nodes_without_sound(paths, {"cam01", "cam02"}), ElementsAre("cap02"));
+}
+
+TEST(SoundOfATake, of_which_the_node_of_the_trigger_has_recorded_nothing_is_reported) {
+  const test::TemporaryFolder folder;
+  const TakePaths paths{folder / "kendo-07"};
+  record(paths, TakeState::kComplete);
+  Ledger ledger = load_ledger(paths.ledger());
+  ledger.sounds.clear();
+  ASSERT_TRUE(save_ledger(paths.ledger(), ledger));
+  EXPECT_THAT(nodes_without_sound(paths, {}), IsEmpty()) << "it has a file";
+  std::filesystem::remove(paths.sound() / "cap01.wav");
+  EXPECT_THAT(nodes_without_sound(paths, {}), ElementsAre("cap01"));
 }
 
 TEST(SoundOfATake, is_counted_by_a_recovery) {

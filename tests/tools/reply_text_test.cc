@@ -134,6 +134,22 @@ TEST(TakeAccounts, have_the_problems_of_the_sound_of_every_node) {
   EXPECT_EQ(to_json(account.ledger).at("sounds").size(), 2U);
 }
 
+TEST(TakeAccounts, have_the_nodes_of_whose_sound_nothing_was_recorded) {
+  control::Answer answer;
+  for (const std::string node : {"cap01", "cap02"}) {
+    take::Ledger ledger;
+    ledger.take = "kendo";
+    ledger.nodes_without_sound = {node};
+    answer.replies[node] = reply(Outcome::kDone, "", control::ledger_detail(ledger));
+  }
+  const TakeAccount account = merge_ledgers(answer);
+  EXPECT_THAT(account.unreadable, IsEmpty());
+  EXPECT_THAT(problem_lines(account.ledger), ElementsAre("sound of cap01: nothing was recorded",
+                                                         "sound of cap02: nothing was recorded"));
+  EXPECT_EQ(to_json(account.ledger).at("nodes_without_sound").size(), 2U);
+  EXPECT_FALSE(to_json(take::Ledger()).contains("nodes_without_sound"));
+}
+
 TEST(TakeAccounts, count_every_pulse_as_missing_for_a_camera_without_a_ledger) {
   control::Answer answer;
   answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));

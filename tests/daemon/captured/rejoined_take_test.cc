@@ -226,6 +226,21 @@ TEST_F(TakeOfAReturnedCamera, has_the_sound_of_before_as_the_ledger_had_it) {
   EXPECT_EQ(sounds[0], ledger.sounds[0]);
 }
 
+TEST_F(TakeOfAReturnedCamera, has_its_node_without_sound_when_the_device_has_delivered_nothing) {
+  NodeSound sound({.node = kNode, .device = "hw:CARD=NoSuchCard", .timecode_rate = ""}, {});
+  ActiveTake::Context with_sound = context();
+  with_sound.sound = &sound;
+  const take::Ledger ledger = ActiveTake::resume(with_sound, plan(), recorded())->close().ledger;
+  ASSERT_GT(ledger.commanded, 0);
+  EXPECT_EQ(ledger.nodes_without_sound, std::vector<std::string>{kNode});
+  EXPECT_TRUE(take::load_ledger(paths_.ledger()).sounds.empty());
+}
+
+TEST_F(TakeOfAReturnedCamera, has_no_sound_to_miss_on_a_node_without_a_device) {
+  const take::Ledger ledger = ActiveTake::resume(context(), plan(), recorded())->close().ledger;
+  EXPECT_TRUE(ledger.nodes_without_sound.empty());
+}
+
 TEST_F(TakeOfAReturnedCamera, is_unlocked_when_it_ends_while_its_logs_are_read) {
   std::promise<void> end_of_time;
   const std::future<void> never = end_of_time.get_future();

@@ -150,6 +150,9 @@ take::Ledger parse_ledger(const Json& json) {
     ledger.cameras.push_back(camera);
   }
   if (json.contains("sounds")) ledger.sounds = parse_sounds(json.at("sounds"));
+  for (const Json& node : json.value("nodes_without_sound", Json::array())) {
+    ledger.nodes_without_sound.push_back(printable(node.get<std::string>()));
+  }
   return ledger;
 }
 
