@@ -256,7 +256,9 @@ TEST_F(SimilarPoses, are_half_a_second_apart_also_where_pulses_between_them_have
   test::write_gliding_motion(take::TakePaths{take_}.motion(),
                              {{0, 1, 2}, {50, 51, 52}, {100, 101, 102}});
   std::vector<int64_t> groups;
-  for (const SimilarPose& pose : similar_poses(take_, 0, take_, {}, 10)) {
+  const SimilarPoseList found = similar_poses(take_, 0, take_, {}, 10);
+  EXPECT_TRUE(found.unfinished.empty());
+  for (const SimilarPose& pose : found.poses) {
     groups.push_back(pose.pulse / 50);
   }
   EXPECT_THAT(groups, testing::UnorderedElementsAre(1, 2));

@@ -37,18 +37,30 @@ class UnfinishedMeshes : public testing::Test {
         "camera": {"keys": [{"at_s": 0, "eye": [0, -3, 1], "look": [0, 0, 1]}]}})");
   }
 
-  /// Expects the status of the command before and after the truncation of mesh.v3d, and one line
-  /// that reports it.
-  void expect_report(void (*add)(CommandLine&), const std::vector<std::string>& words) {
+  /// Writes meshes that show a skeleton.
+  void write_fine_meshes() {
+    test::write_still_meshes(folder_ / "take",
+                             recon::figures::surface(recon::figures::person(70, 50), 0.025), {});
+  }
+
+  /// Expects one line that reports mesh.v3d after its truncation and none before, and the status
+  /// after it. Returns the status before.
+  int expect_line(void (*add)(CommandLine&), const std::vector<std::string>& words) {
     const test::CommandOutcome whole = test::run_command(add, words);
-    EXPECT_EQ(whole.status, kExitDone) << whole.error;
+    EXPECT_THAT(whole.error, Not(HasSubstr("has no index")));
     const fs::path meshes = folder_ / "take/mesh.v3d";
     test::truncate_file(meshes, 0.6);
     const test::CommandOutcome outcome = test::run_command(add, words);
-    EXPECT_EQ(outcome.status, kExitIncomplete);
+    EXPECT_EQ(outcome.status, kExitIncomplete) << outcome.error;
     const std::string line = meshes.string() + ": has no index: it is truncated or not finished";
     EXPECT_THAT(outcome.error, HasSubstr(line));
     EXPECT_THAT(outcome.error.substr(outcome.error.find(line) + 1), Not(HasSubstr(line)));
+    return whole.status;
+  }
+
+  /// The same, and expects that the command is done before the truncation.
+  void expect_report(void (*add)(CommandLine&), const std::vector<std::string>& words) {
+    EXPECT_EQ(expect_line(add, words), kExitDone);
   }
 
   const test::TemporaryFolder folder_;
@@ -65,6 +77,23 @@ TEST_F(UnfinishedMeshes, are_reported_once_when_a_scene_is_rendered) {
 
 TEST_F(UnfinishedMeshes, are_reported_when_they_are_evaluated) {
   expect_report(add_evaluate, {"evaluate", folder_ / "take", "--truth", folder_ / "truth"});
+}
+
+TEST_F(UnfinishedMeshes, are_reported_when_a_skeleton_is_learnt) {
+  write_fine_meshes();
+  expect_line(add_skeleton, {"skeleton", folder_ / "take"});
+}
+
+TEST_F(UnfinishedMeshes, are_reported_once_when_poses_are_compared) {
+  write_fine_meshes();
+  expect_report(add_skeleton, {"skeleton", folder_ / "take", "--like", "0"});
+}
+
+TEST_F(UnfinishedMeshes, are_reported_once_when_an_action_is_spliced_with_itself) {
+  write_fine_meshes();
+  test::write_text(folder_ / "turn.json", R"({"format": "v3d-edit", "version": 1, "operations": [
+      {"do": "splice", "take": "take", "blend": 1}]})");
+  expect_line(add_edit, {"edit", folder_ / "take", folder_ / "turn.json"});
 }
 
 }  // namespace

@@ -5,12 +5,14 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 
 #include "base/core/error.h"
 #include "base/io/file.h"
 #include "common/console.h"
 #include "common/partial_file.h"
 #include "recon/editing/feet.h"
+#include "take/take.h"
 #include "v3dctl/command_line.h"
 #include "v3dctl/edit/editor.h"
 #include "v3dctl/options.h"
@@ -28,15 +30,34 @@ struct Arguments {
 
 TakeClip read_with_progress(const fs::path& take) {
   std::optional<Progress> progress;
-  TakeClip clip = read_clip(
+  return read_clip(
       take, [&](int64_t pulses) { progress.emplace("skeleton", pulses); },
       [&] { progress->advance(); });
-  if (clip.left_out > 0) {
-    note("v3dctl: " + take.string() + ": " + count_of(clip.left_out, "pulse") +
-         " without a tracked surface are left out");
-  }
-  return clip;
 }
+
+/// Reads takes, and reports on stderr what their actions lack.
+class TakeReader {
+ public:
+  TakeClip read(const fs::path& take) {
+    TakeClip clip = read_with_progress(take);
+    if (reported_.insert(fs::weakly_canonical(take)).second) report(take, clip);
+    return clip;
+  }
+  /// kExitDone or kExitIncomplete.
+  int status() const { return status_; }
+
+ private:
+  void report(const fs::path& take, const TakeClip& clip) {
+    if (clip.left_out > 0) {
+      note("v3dctl: " + take.string() + ": " + count_of(clip.left_out, "pulse") +
+           " without a tracked surface are left out");
+    }
+    if (clip.is_unfinished) status_ = report_missing_index(take::TakePaths{take}.mesh());
+  }
+
+  std::set<fs::path> reported_;  ///< takes
+  int status_ = kExitDone;
+};
 
 Json splice_json(const SpliceReport& report) {
   Json json{{"frame", report.frame},
@@ -108,8 +129,9 @@ int run(const Arguments& arguments) {
   const fs::path out = output_of(arguments);
   check_output(out);
   require_other_output(arguments.take, edits, out);
-  TakeClip edited = read_with_progress(arguments.take);
-  Editor editor(edited, read_with_progress);
+  TakeReader reader;
+  TakeClip edited = reader.read(arguments.take);
+  Editor editor(edited, [&](const fs::path& take) { return reader.read(take); });
   for (const Edit& edit : edits) editor.apply(edit);
   const double slide_m = recon::foot_slide(edited.clip, recon::foot_contacts(edited.clip));
   const fs::path place = normal_folder(fs::weakly_canonical(out));
@@ -119,7 +141,7 @@ int run(const Arguments& arguments) {
   } else {
     print_text(out, edited.clip, editor.splices(), slide_m);
   }
-  return kExitDone;
+  return reader.status();
 }
 
 }  // namespace

@@ -188,6 +188,7 @@ TakeClip read_clip(const fs::path& take, const std::function<void(int64_t)>& on_
   require_near_pulses(take, skeleton.tracked);
   TakeClip result;
   result.has_prop = skeleton.structure.has_prop;
+  result.is_unfinished = skeleton.is_unfinished;
   result.lengths = skeleton.structure.lengths;
   const int64_t pulses = skeleton.pulses.back() - skeleton.pulses.front() + 1;
   result.clip = clip_of(std::move(skeleton));

@@ -33,15 +33,17 @@ struct Arguments {
 
 int find_similar(const Arguments& arguments) {
   const std::filesystem::path& other = arguments.other.empty() ? arguments.take : arguments.other;
-  const std::vector<SimilarPose> found = similar_poses(
-      arguments.take, arguments.like, other, parse_frame_range(arguments.frames), kSimilar);
+  const SimilarPoseList found = similar_poses(arguments.take, arguments.like, other,
+                                              parse_frame_range(arguments.frames), kSimilar);
   Json list = Json::array();
-  for (const SimilarPose& pose : found) {
+  for (const SimilarPose& pose : found.poses) {
     list.push_back({{"pulse", pose.pulse}, {"similarity", pose.similarity}});
     if (!arguments.json) fmt::print("pulse {:>6}  {:.3f}\n", pose.pulse, pose.similarity);
   }
   if (arguments.json) fmt::print("{}\n", Json{{"like", arguments.like}, {"similar", list}}.dump(2));
-  return kExitDone;
+  int status = kExitDone;
+  for (const std::filesystem::path& file : found.unfinished) status = report_missing_index(file);
+  return status;
 }
 
 Json to_json(const JointError& error) { return {{"p50", error.p50_mm}, {"p90", error.p90_mm}}; }
@@ -177,7 +179,10 @@ int run(const Arguments& arguments) {
           error->all.p50_mm, error->all.p90_mm, count_of(error->swaps, "pulse"));
     }
   }
-  const int status = report_incomplete_frames(incomplete, arguments.take);
+  int status = report_incomplete_frames(incomplete, arguments.take);
+  if (skeleton.is_unfinished) {
+    status = report_missing_index(take::TakePaths{arguments.take}.mesh());
+  }
   return is_whole(skeleton) ? status : kExitIncomplete;
 }
 

@@ -88,6 +88,7 @@ TakeSkeleton learn_skeleton(const fs::path& take, take::FrameRange frames, int p
   TakeSkeleton result;
   recorded::MeshFrames meshes(take);
   result.pulses = meshes.frames(frames);
+  result.is_unfinished = meshes.is_unfinished();
   result.rate_hz = take::load_take_info({take}).rate_hz;
   on_begin(std::ssize(result.pulses));
   std::vector<recon::BodyEvidence> evidence;
@@ -134,8 +135,8 @@ TakeSkeleton learn_skeleton(const fs::path& take, take::FrameRange frames, int p
   return result;
 }
 
-std::vector<SimilarPose> similar_poses(const fs::path& take, int64_t pulse, const fs::path& other,
-                                       take::FrameRange frames, size_t count) {
+SimilarPoseList similar_poses(const fs::path& take, int64_t pulse, const fs::path& other,
+                              take::FrameRange frames, size_t count) {
   recorded::MeshFrames queries(take);
   const recon::ReebGraph query = recon::reeb_graph(checked_mesh(take, queries.read(pulse)));
   if (query.empty()) {
@@ -152,10 +153,12 @@ std::vector<SimilarPose> similar_poses(const fs::path& take, int64_t pulse, cons
     pulses.push_back(candidate);
     graphs.push_back(recon::reeb_graph(checked_mesh(other, meshes.read(candidate))));
   }
-  std::vector<SimilarPose> result;
+  SimilarPoseList result;
+  if (queries.is_unfinished()) result.unfinished.push_back(queries.path());
+  if (!same && meshes.is_unfinished()) result.unfinished.push_back(meshes.path());
   for (const recon::SimilarPulse& found :
        recon::most_similar(query, graphs, pulses, count, apart)) {
-    result.push_back({found.pulse, found.similarity});
+    result.poses.push_back({found.pulse, found.similarity});
   }
   return result;
 }

@@ -28,7 +28,8 @@ struct TakeSkeleton {
   /// One line for each kind of problem: pulses without a body, several performers, and
   /// doubts_about() the joints.
   std::vector<std::string> problems;
-  double graph_ms = 0;  ///< median time of one graph
+  bool is_unfinished = false;  ///< mesh.v3d has no index: pulses may be missing
+  double graph_ms = 0;         ///< median time of one graph
 };
 
 /// Learns the skeleton of a reconstructed take, also from its motion.v3d where that exists.
@@ -70,12 +71,18 @@ struct SimilarPose {
   double similarity = 0;
 };
 
-/// The pulses of `other` most similar to `pulse` of `take`, best first, half a second apart. In the
-/// same take without the query and its neighbours. Throws InputError for an unknown pulse, and for
-/// one whose mesh is empty.
-std::vector<SimilarPose> similar_poses(const std::filesystem::path& take, int64_t pulse,
-                                       const std::filesystem::path& other, take::FrameRange frames,
-                                       size_t count);
+struct SimilarPoseList {
+  std::vector<SimilarPose> poses;  ///< best first
+  /// Mesh files of the takes that have no index: pulses may be missing.
+  std::vector<std::filesystem::path> unfinished;
+};
+
+/// The pulses of `other` most similar to `pulse` of `take`, half a second apart. In the same take
+/// without the query and its neighbours. Throws InputError for an unknown pulse, and for one whose
+/// mesh is empty.
+SimilarPoseList similar_poses(const std::filesystem::path& take, int64_t pulse,
+                              const std::filesystem::path& other, take::FrameRange frames,
+                              size_t count);
 
 // Tracked surfaces of a take as bodies with a skin.
 
