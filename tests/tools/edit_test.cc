@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <map>
@@ -287,7 +288,8 @@ TEST_F(EditTake, has_the_weights_of_its_own_vertices_after_a_mirror) {
   EXPECT_TRUE(weights == base64(expected));
 }
 
-/// A take and the edit file edits/turn.json.
+/// A take and the edit file edits/turn.json. The status of an edit is kExitIncomplete, because no
+/// pulse of the take shows hands.
 class EditCommand : public testing::Test {
  protected:
   EditCommand() {
@@ -319,7 +321,7 @@ TEST_F(EditCommand, writes_a_copy_of_the_operations_whose_paths_lead_from_its_fo
   test::write_gliding_take(folder_ / "takes/rehearsal");
   put(R"({"do": "cut", "frames": [0, 5]}, {"do": "splice", "take": "../takes/rehearsal", "blend": 2},
          {"do": "swap", "take": "../takes/rehearsal", "frame": 1})");
-  ASSERT_EQ(run(), kExitDone);
+  ASSERT_EQ(run(), kExitIncomplete);
   const std::vector<Edit> copy = load_edits(out_ / "edit.json");
   ASSERT_EQ(copy.size(), 3U);
   EXPECT_EQ(std::get<SwapEdit>(copy[2].operation).take, folder_ / "takes/rehearsal");
@@ -331,7 +333,7 @@ TEST_F(EditCommand, writes_a_copy_of_the_operations_whose_paths_lead_from_its_fo
 
 TEST_F(EditCommand, does_not_replace_a_take_that_it_reads) {
   put(R"({"do": "cut", "frames": [0, 5]})");
-  ASSERT_EQ(run(), kExitDone);
+  ASSERT_EQ(run(), kExitIncomplete);
   const std::string before = read_file(out_ / "motion.v3d");
   for (const char* other : {R"({"do": "splice", "take": "../takes/dancer.turn", "blend": 2})",
                             R"({"do": "swap", "take": "../takes/dancer.turn"})"}) {
@@ -348,13 +350,13 @@ TEST_F(EditCommand, states_no_relative_jump_where_the_surface_stands_still_aroun
   put(R"({"do": "cut", "frames": [0, 1]}, {"do": "stretch", "factor": 10},
          {"do": "splice", "take": "../takes/dancer", "at": [8, 9], "from": [4, 5], "blend": 1})");
   testing::internal::CaptureStdout();
-  EXPECT_EQ(run({"--json"}), kExitDone);
+  EXPECT_EQ(run({"--json"}), kExitIncomplete);
   const auto json = nlohmann::json::parse(testing::internal::GetCapturedStdout());
   ASSERT_EQ(json.at("splices").size(), 1U);
   EXPECT_FALSE(json.at("splices")[0].contains("relative_jump"));
   EXPECT_TRUE(json.at("splices")[0].contains("cost_mm"));
   testing::internal::CaptureStdout();
-  EXPECT_EQ(run(), kExitDone);
+  EXPECT_EQ(run(), kExitIncomplete);
   EXPECT_THAT(testing::internal::GetCapturedStdout(),
               testing::ContainsRegex("the poses differ by [0-9]+ mm\n"));
 }
@@ -362,9 +364,35 @@ TEST_F(EditCommand, states_no_relative_jump_where_the_surface_stands_still_aroun
 TEST_F(EditCommand, states_the_frame_of_the_other_take_that_follows_a_splice) {
   put(R"({"do": "splice", "take": "../takes/dancer", "at": [1, 2], "from": [0, 1], "blend": 4})");
   testing::internal::CaptureStdout();
-  EXPECT_EQ(run(), kExitDone);
+  EXPECT_EQ(run(), kExitIncomplete);
   EXPECT_THAT(testing::internal::GetCapturedStdout(),
               HasSubstr("frame 3: continues with frame 2 of the other take"));
+}
+
+TEST_F(EditCommand, states_that_joints_can_be_anywhere_where_no_pulse_shows_the_ends_of_the_body) {
+  test::write_gliding_take(folder_ / "takes/rehearsal");
+  put(R"({"do": "splice", "take": "../takes/rehearsal", "blend": 2},
+         {"do": "swap", "take": "../takes/rehearsal"})");
+  testing::internal::CaptureStdout();
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(run({"--json"}), kExitIncomplete);
+  const auto json = nlohmann::json::parse(testing::internal::GetCapturedStdout());
+  const std::string printed = testing::internal::GetCapturedStderr();
+  const auto problems = json.at("problems").get<std::vector<std::string>>();
+  for (const char* take : {"takes/dancer", "takes/rehearsal"}) {
+    const std::string line = (folder_ / take).string() + ": no pulse shows head, feet and hands";
+    EXPECT_EQ(std::ranges::count_if(problems, [&](auto& p) { return p.starts_with(line); }), 1);
+    EXPECT_THAT(printed, HasSubstr("v3dctl: " + line));
+  }
+}
+
+TEST_F(EditCommand, is_done_where_a_pulse_shows_the_ends_of_the_body) {
+  test::write_gliding_motion(folder_ / "takes/dancer/motion.v3d", {{0, 1, 2}, {2, 3, 4}});
+  put(R"({"do": "mirror"})");
+  testing::internal::CaptureStdout();
+  EXPECT_EQ(run({"--json"}), kExitDone);
+  const auto json = nlohmann::json::parse(testing::internal::GetCapturedStdout());
+  EXPECT_THAT(json.at("problems").dump(), testing::Not(HasSubstr("no pulse shows")));
 }
 
 TEST_F(EditTake, states_which_frames_it_has_when_another_one_is_read) {

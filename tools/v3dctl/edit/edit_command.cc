@@ -45,17 +45,27 @@ class TakeReader {
   }
   /// kExitDone or kExitIncomplete.
   int status() const { return status_; }
+  /// What is not whole or doubtful, each line with the take.
+  const std::vector<std::string>& problems() const { return problems_; }
 
  private:
   void report(const fs::path& take, const TakeClip& clip) {
     if (clip.left_out > 0) {
-      note("v3dctl: " + take.string() + ": " + count_of(clip.left_out, "pulse") +
-           " without a tracked surface are left out");
+      add_problem(take,
+                  count_of(clip.left_out, "pulse") + " without a tracked surface are left out");
     }
+    for (const std::string& problem : clip.problems) add_problem(take, problem);
+    if (!clip.has_good_pulse) status_ = kExitIncomplete;
     if (clip.is_unfinished) status_ = report_missing_index(take::TakePaths{take}.mesh());
   }
 
+  void add_problem(const fs::path& take, const std::string& problem) {
+    problems_.push_back(take.string() + ": " + problem);
+    note("v3dctl: " + problems_.back());
+  }
+
   std::set<fs::path> reported_;  ///< takes
+  std::vector<std::string> problems_;
   int status_ = kExitDone;
 };
 
@@ -77,14 +87,16 @@ std::string jump_text(const SpliceReport& report) {
 }
 
 void print_json(const fs::path& out, const recon::Clip& clip,
-                const std::vector<SpliceReport>& splices, double slide_m) {
+                const std::vector<SpliceReport>& splices, double slide_m,
+                const std::vector<std::string>& problems) {
   Json list = Json::array();
   for (const SpliceReport& report : splices) list.push_back(splice_json(report));
   const Json json{{"out", out.string()},
                   {"frames", clip.frames.size()},
                   {"seconds", static_cast<double>(clip.frames.size()) / clip.rate_hz},
                   {"splices", list},
-                  {"foot_slide_mm", 1000 * slide_m}};
+                  {"foot_slide_mm", 1000 * slide_m},
+                  {"problems", problems}};
   fmt::print("{}\n", json.dump(2));
 }
 
@@ -137,7 +149,7 @@ int run(const Arguments& arguments) {
   const fs::path place = normal_folder(fs::weakly_canonical(out));
   write_clip(edited, arguments.take, edits_for_folder(text, arguments.edits, place), out);
   if (arguments.json) {
-    print_json(out, edited.clip, editor.splices(), slide_m);
+    print_json(out, edited.clip, editor.splices(), slide_m, reader.problems());
   } else {
     print_text(out, edited.clip, editor.splices(), slide_m);
   }

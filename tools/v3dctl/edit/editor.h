@@ -27,7 +27,9 @@ struct TakeClip {
   recon::BodyLengths lengths{0, 0};  ///< learnt; of the first of spliced takes
   /// Pulses from the first to the last mesh of the take that are in no tracked segment with a skin.
   int64_t left_out = 0;
-  bool is_unfinished = false;  ///< mesh.v3d has no index: pulses may be missing
+  std::vector<std::string> problems;  ///< of TakeSkeleton
+  bool has_good_pulse = false;        ///< some pulse shows head, feet, and hands or a prop
+  bool is_unfinished = false;         ///< mesh.v3d has no index: pulses may be missing
 };
 
 /// The frames of all tracked surfaces with a skin: one for each pulse from the first to the last of

@@ -188,6 +188,8 @@ TakeClip read_clip(const fs::path& take, const std::function<void(int64_t)>& on_
   require_near_pulses(take, skeleton.tracked);
   TakeClip result;
   result.has_prop = skeleton.structure.has_prop;
+  result.problems = std::move(skeleton.problems);
+  result.has_good_pulse = skeleton.structure.good > 0;
   result.is_unfinished = skeleton.is_unfinished;
   result.lengths = skeleton.structure.lengths;
   const int64_t pulses = skeleton.pulses.back() - skeleton.pulses.front() + 1;
