@@ -84,6 +84,14 @@ class TrackByTasks : public testing::Test {
         },
         [](int64_t) {}, [] {});
   }
+  /// Finishes the segment of the key pulse. Returns the range of pulses of its task.
+  recon::SegmentRange track_first_segment(const TrackFolder& folder) const {
+    const recon::TakeSurvey survey =
+        recon::survey_pulses(source_of(*open_input(request_)).surfaces, 11, [](size_t) {});
+    folder.save_survey(survey);
+    track_shard(folder, {0, 11}, 2);
+    return recon::intervals_of(survey).tracked.at(0);
+  }
   std::vector<fs::path> shard_folders() const {
     std::vector<fs::path> folders;
     for (const fs::directory_entry& entry : fs::directory_iterator(folder_.path())) {
@@ -145,11 +153,7 @@ TEST_F(TrackByTasks, fails_after_three_tries_and_continues_after_the_finished_se
   EXPECT_TRUE(shard_folders().empty()) << "no segment was finished";
 
   const TrackFolder folder = TrackFolder::create(request_);
-  const recon::TakeSurvey survey =
-      recon::survey_pulses(source_of(*open_input(request_)).surfaces, 11, [](size_t) {});
-  folder.save_survey(survey);
-  const recon::SegmentRange whole = recon::intervals_of(survey).tracked.at(0);
-  track_shard(folder, {0, 11}, 2);
+  const recon::SegmentRange whole = track_first_segment(folder);
   const auto first = folder.find(whole);
   ASSERT_TRUE(first);
   EXPECT_EQ(first->part.report.first, 4);
@@ -159,13 +163,19 @@ TEST_F(TrackByTasks, fails_after_three_tries_and_continues_after_the_finished_se
               HasSubstr("1 segment kept from an earlier run"));
 }
 
+TEST_F(TrackByTasks, continues_where_the_result_and_other_files_are_in_the_folder_of_the_meshes) {
+  request_.out = request_.input / "motion.v3d";
+  track_first_segment(TrackFolder::create(request_));
+  test::write_text(request_.input / "track.log", "interrupted");
+  testing::internal::CaptureStderr();
+  track_by_tasks();
+  EXPECT_THAT(testing::internal::GetCapturedStderr(),
+              HasSubstr("1 segment kept from an earlier run"));
+}
+
 TEST_F(TrackByTasks, tracks_a_damaged_segment_again) {
   const TrackFolder folder = TrackFolder::create(request_);
-  const recon::TakeSurvey survey =
-      recon::survey_pulses(source_of(*open_input(request_)).surfaces, 11, [](size_t) {});
-  folder.save_survey(survey);
-  const recon::SegmentRange whole = recon::intervals_of(survey).tracked.at(0);
-  track_shard(folder, {0, 11}, 2);
+  const recon::SegmentRange whole = track_first_segment(folder);
   ASSERT_THAT(folder.saved_shards(), ElementsAre("000000-000011"));
   const fs::path file = folder.shard_file("000000-000011", ".motion");
   std::string bytes = read_file(file);

@@ -119,12 +119,7 @@ Mesh first_mesh(const std::vector<fs::path>& files) {
 class FolderMeshes : public ObservedPulses {
  public:
   FolderMeshes(const fs::path& folder, double height_m, take::FrameRange frames) {
-    std::vector<fs::path> files;
-    for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
-      const fs::path extension = entry.path().extension();
-      if (extension == ".obj" || extension == ".ply") files.push_back(entry.path());
-    }
-    std::ranges::sort(files, is_before_by_numbers);
+    const std::vector<fs::path> files = mesh_files(folder);
     for (size_t i = 0; i < files.size(); ++i) {
       const auto pulse = static_cast<int64_t>(i);
       if (!frames.contains(pulse)) continue;
@@ -173,6 +168,16 @@ std::shared_ptr<const recon::ObservedPulse> ObservedPulses::read(size_t index) {
   }
   if (kept_.size() == kKeptPulses) kept_.erase(kept_.begin());
   return kept_.emplace_back(index, load(index)).second;
+}
+
+std::vector<fs::path> mesh_files(const fs::path& folder) {
+  std::vector<fs::path> files;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+    const fs::path extension = entry.path().extension();
+    if (extension == ".obj" || extension == ".ply") files.push_back(entry.path());
+  }
+  std::ranges::sort(files, is_before_by_numbers);
+  return files;
 }
 
 std::unique_ptr<ObservedPulses> open_take_pulses(const fs::path& take, take::FrameRange frames) {

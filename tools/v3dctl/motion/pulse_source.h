@@ -46,7 +46,10 @@ class ObservedPulses {
 std::unique_ptr<ObservedPulses> open_take_pulses(const std::filesystem::path& take,
                                                  take::FrameRange frames);
 
-/// The files .obj and .ply of a folder, in the order of their numbers; pulses count from 0.
+/// The files .obj and .ply of a folder, in the order of their numbers.
+std::vector<std::filesystem::path> mesh_files(const std::filesystem::path& folder);
+
+/// The mesh_files() of a folder; pulses count from 0.
 /// `height_m`: extent along z of the first mesh of the folder that is not empty, after scaling; 0:
 /// coordinates are metres. Meshes are turned where the y axis points up (the largest extent of that
 /// mesh is along y). Throws InputError for a folder without meshes.

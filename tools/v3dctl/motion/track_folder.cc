@@ -11,6 +11,7 @@
 #include "base/io/file.h"
 #include "daemon/recorded/take_frames.h"
 #include "take/take.h"
+#include "v3dctl/motion/pulse_source.h"
 
 namespace v3d::ctl {
 namespace {
@@ -66,13 +67,11 @@ Json inputs_of(const TrackRequest& request) {
     list.push_back(input_state(take.paths().mesh(), take.paths().folder));
     return list;
   }
-  std::vector<fs::path> files;
-  for (const fs::directory_entry& entry : fs::directory_iterator(request.input)) {
-    files.push_back(entry.path());
-  }
-  std::ranges::sort(files);
+  // Not all files: the result and the task folder can be in the folder of the meshes, too.
   Json list = Json::array();
-  for (const fs::path& file : files) list.push_back(input_state(file, request.input));
+  for (const fs::path& file : mesh_files(request.input)) {
+    list.push_back(input_state(file, request.input));
+  }
   return list;
 }
 
