@@ -17,6 +17,7 @@
 #include "support/temporary_folder.h"
 #include "support/unreadable_byte.h"
 #include "take/take_lock.h"
+#include "tools/command_outcome.h"
 #include "tools/gliding_take.h"
 #include "tools/test_images.h"
 #include "v3dctl/evaluate/evaluate.h"
@@ -320,6 +321,23 @@ TEST_F(TrackTwoPulses, are_not_measured_without_true_points_or_without_a_tracked
   const EvaluatedMeshes motion{take_, take::TakePaths{take_}.motion()};
   EXPECT_FALSE(evaluate_motion(motion, folder_ / "truth")) << "no points";
   EXPECT_FALSE(evaluate_motion({take_}, folder_ / "truth")) << "no motion file";
+}
+
+TEST_F(TrackTwoPulses, are_compared_incompletely_where_one_has_no_true_surface) {
+  const fs::path truth = folder_ / "truth", last = truth / "000001.ply";
+  fs::create_directory(truth);
+  write_ply(truth / "000000.ply", recon::shapes::sphere({0, 0, 0}, 0.3F, 30));
+  fs::copy_file(truth / "000000.ply", last);
+  const std::vector<std::string> words{"track",       take_,  "--truth",   truth, "--json",
+                                       "--triangles", "1000", "--threads", "2"};
+  testing::internal::CaptureStdout();
+  EXPECT_EQ(test::run_command(add_track, words).status, kExitDone);
+  fs::remove(last);
+  const test::CommandOutcome outcome = test::run_command(add_track, words);
+  testing::internal::GetCapturedStdout();
+  EXPECT_EQ(outcome.status, kExitIncomplete);
+  EXPECT_THAT(outcome.error,
+              HasSubstr("v3dctl: no truth in " + truth.string() + " for 1 frame of motion.v3d"));
 }
 
 TEST_F(TrackTwoPulses, have_surfaces_for_the_choice_of_key_pulses_without_their_images) {

@@ -56,6 +56,10 @@ struct TruthReport {
 /// Compares the meshes with the true surfaces; that of frame 12 is `truth`/000012.ply. Throws
 /// InputError when no frame has one.
 TruthReport evaluate_truth(const EvaluatedMeshes& evaluated, const std::filesystem::path& truth);
+/// Whether all frames of `meshes`, a name, have a true surface in the folder `truth`; reports it on
+/// stderr otherwise.
+bool has_all_truth(const TruthReport& report, const std::filesystem::path& truth,
+                   const std::string& meshes);
 /// The file of the true surface of a frame.
 std::filesystem::path truth_path(const std::filesystem::path& truth, int64_t frame);
 /// True surface of a frame; empty when there is none.

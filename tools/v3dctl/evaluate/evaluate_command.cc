@@ -41,6 +41,14 @@ Json to_json(const recon::EndPointError& error) {
 
 }  // namespace
 
+bool has_all_truth(const TruthReport& report, const std::filesystem::path& truth,
+                   const std::string& meshes) {
+  if (report.without_truth == 0) return true;
+  note("v3dctl: no truth in " + truth.string() + " for " + count_of(report.without_truth, "frame") +
+       " of " + meshes);
+  return false;
+}
+
 void put_truth(Json& json, const TruthReport& report) {
   const recon::SurfaceDistance& d = report.distance;
   json["frames"] = report.frames;
@@ -242,14 +250,6 @@ void print_json(const std::vector<EvaluationColumn>& columns) {
   std::printf("%s\n", json.dump(2).c_str());
 }
 
-/// Whether all frames have a true surface; reports it otherwise.
-bool has_all_truth(const Arguments& arguments, const EvaluationColumn& column) {
-  if (!column.truth || column.truth->without_truth == 0) return true;
-  note("v3dctl: no truth in " + arguments.truth.string() + " for " +
-       count_of(column.truth->without_truth, "frame") + " of " + column.name);
-  return false;
-}
-
 /// Reports on stderr the held-out cameras without an image of a mesh. Returns kExitDone or
 /// kExitIncomplete.
 int report_missing_images(const Arguments& arguments,
@@ -304,7 +304,9 @@ int run(const Arguments& arguments) {
   }
   int status = report_missing_images(arguments, columns);
   for (const EvaluationColumn& column : columns) {
-    if (!has_all_truth(arguments, column)) status = kExitIncomplete;
+    if (column.truth && !has_all_truth(*column.truth, arguments.truth, column.name)) {
+      status = kExitIncomplete;
+    }
     status = std::max(status, report_unfinished_meshes(open_meshes(column.evaluated)));
   }
   if (!arguments.report.empty()) {

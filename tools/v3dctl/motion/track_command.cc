@@ -312,7 +312,11 @@ int run(const Arguments& arguments) {
     print_text(report);
     if (truth) print_comparison(*truth);
   }
-  return report_gaps(report, request);
+  const int status = report_gaps(report, request);
+  if (truth && !has_all_truth(truth->surface, arguments.truth, request.out.filename().string())) {
+    return kExitIncomplete;
+  }
+  return status;
 }
 
 }  // namespace
