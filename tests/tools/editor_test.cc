@@ -200,6 +200,18 @@ TEST_F(EditorTest, shows_another_performer_with_its_prop_in_the_action) {
   EXPECT_LT(moved.norm(), 0.02) << "the other performer has equal legs";
 }
 
+TEST_F(EditorTest, reports_no_splice_before_a_swap_which_gives_all_frames_one_surface) {
+  edited_ = read(folder_ / "take");
+  test::write_gliding_take(folder_ / "other");
+  editor_.apply(splice_);
+  ASSERT_EQ(editor_.splices().size(), 1U);
+  editor_.apply(Edit{"edit.json: operations[1]", SwapEdit{.take = folder_ / "other", .frame = 0}});
+  EXPECT_EQ(edited_.clip.surfaces.size(), 1U);
+  EXPECT_TRUE(editor_.splices().empty());
+  editor_.apply(splice_);
+  EXPECT_EQ(editor_.splices().size(), 1U);
+}
+
 TEST_F(EditorTest, names_the_frame_that_the_take_of_a_swap_does_not_have) {
   edited_ = read(folder_ / "take");
   test::write_gliding_take(folder_ / "other");

@@ -187,6 +187,7 @@ void Editor::apply(const SwapEdit& edit) {
                      edit.take.string() + " has " + format_count(frames));
   }
   recon::swap_performer(clip_, other.clip, static_cast<size_t>(edit.frame));
+  splices_.clear();  // all frames have one surface
   edited_.has_prop = other.has_prop;
   edited_.lengths = other.lengths;
 }
