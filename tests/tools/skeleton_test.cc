@@ -183,12 +183,26 @@ TEST_F(SkeletonCommand, has_a_texture_only_as_glb) {
 }
 
 TEST_F(SkeletonCommand, keeps_the_file_when_it_cannot_write_the_other_one) {
-  EXPECT_EQ(run({path("take"), "--export", "bvh", path("none/take.bvh")}), kExitFailed);
+  const std::string longest = std::string(251, 'a') + ".bvh";  // none for the temporary file
+  EXPECT_EQ(run({path("take"), "--export", "bvh", path(longest)}), kExitFailed);
   EXPECT_EQ(read_file(file_), "earlier");
 }
 
-TEST_F(SkeletonCommand, keeps_the_file_when_the_truth_cannot_be_read) {
-  EXPECT_EQ(run({path("take"), "--truth", path("none")}), kExitBadInput);
+TEST_F(SkeletonCommand, refuses_files_that_it_cannot_use_before_it_reads_the_meshes) {
+  std::filesystem::remove(take::TakePaths{folder_ / "take"}.motion());  // there is no mesh
+  const auto rejection = [&](const std::vector<std::string>& options) {
+    std::vector<std::string> words{path("take")};
+    words.insert(words.end(), options.begin(), options.end());
+    testing::internal::CaptureStderr();
+    EXPECT_EQ(run(words), kExitBadInput);
+    return testing::internal::GetCapturedStderr();
+  };
+  const std::string absent = path("none/take.bvh");
+  EXPECT_THAT(rejection({"--export", "bvh", absent}), HasSubstr("OUT " + absent + ": its folder"));
+  EXPECT_THAT(rejection({"--export", "bvh", path("take/calib.toml")}),
+              HasSubstr("is a recorded file of a take"));
+  EXPECT_THAT(rejection({"--export", "glb", path("take.glb")}), HasSubstr("glb needs a tracked"));
+  EXPECT_THAT(rejection({"--truth", path("none")}), HasSubstr(path("none/joints.json")));
   EXPECT_EQ(read_file(file_), "earlier");
 }
 

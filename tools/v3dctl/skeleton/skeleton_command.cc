@@ -140,6 +140,18 @@ bool is_whole(const TakeSkeleton& skeleton) {
   return skeleton.structure.pulses.size() == skeleton.pulses.size() && skeleton.structure.good > 0;
 }
 
+/// Before the skeleton, which can take many minutes. Throws InputError where OUT could not be
+/// written, or the skeleton not be exported or compared, after it.
+void check_files(const Arguments& arguments) {
+  check_output({"OUT", arguments.out});
+  const take::TakePaths paths{arguments.take};
+  if (arguments.format == "glb" && !file_exists(paths.motion())) {
+    take::load_take_info(paths);  // throws if the folder is not a take
+    throw InputError("--export glb needs a tracked surface: run v3dctl track first");
+  }
+  if (!arguments.truth.empty()) require_true_joints(arguments.truth, arguments.performer);
+}
+
 int run(const Arguments& arguments) {
   if (arguments.like >= 0) {
     require_similarity_options(arguments);
@@ -151,6 +163,7 @@ int run(const Arguments& arguments) {
   if (arguments.atlas_side > 0 && arguments.format != "glb") {
     throw InputError("--atlas: expected --export glb");
   }
+  check_files(arguments);
   catch_interrupts();
   std::optional<Progress> progress;
   const TakeSkeleton skeleton = learn_skeleton(

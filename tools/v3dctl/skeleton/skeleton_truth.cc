@@ -86,6 +86,10 @@ JointError error_of(const std::vector<double>& millimetres) {
 
 }  // namespace
 
+void require_true_joints(const fs::path& truth, int performer) {
+  const TrueJoints joints(truth / "joints.json", performer);
+}
+
 SkeletonError compare_with_truth(const TakeSkeleton& skeleton, const fs::path& truth,
                                  int performer) {
   constexpr double kMillimetres = 1000;

@@ -116,9 +116,12 @@ struct SkeletonError {
   int64_t swaps = 0;
 };
 
+/// Throws InputError for a `truth`/joints.json that cannot be read or has no main joint of this
+/// performer.
+void require_true_joints(const std::filesystem::path& truth, int performer);
+
 /// Compares with `truth`/joints.json, which v3d-sim take --truth writes (docs/simulator.md).
-/// `performer`: from 1. Throws InputError for a file that cannot be read or has no main joint of
-/// this performer, and where no pulse has both.
+/// `performer`: from 1. Throws InputError as require_true_joints(), and where no pulse has both.
 SkeletonError compare_with_truth(const TakeSkeleton& skeleton, const std::filesystem::path& truth,
                                  int performer);
 
