@@ -60,6 +60,13 @@ void write_labelled_meshes(const std::filesystem::path& take, uint8_t of_last) {
   write_meshes(take, recon::figures::person(70, 50), of_last);
 }
 
+TEST_F(LearntSkeleton, is_not_that_of_a_performer_whom_no_label_names) {
+  write_labelled_meshes(folder_ / "take", 1);
+  EXPECT_EQ(test::message_of<InputError>([&] { learn(2); }),
+            "--performer 2: no pulse shows this performer; v3dctl performers " +
+                (folder_ / "take").string() + " lists them");
+}
+
 TEST(SkeletonDoubts, are_stated_where_no_pulse_shows_the_ends_of_a_body_or_it_is_not_upright) {
   recon::KinematicStructure structure = turning(4).structure;
   structure.good = 1;

@@ -60,6 +60,14 @@ void keep_performer(const fs::path& take, recon::CompactFrame& frame, int perfor
   frame.mesh.triangles = recon::triangles_of_performer(frame.mesh, frame.performers, performer);
 }
 
+/// Throws InputError where labels of `identities` do not include the performer.
+void require_performer(const fs::path& take, const std::set<uint8_t>& identities, int performer) {
+  if (identities.empty() || identities.contains(static_cast<uint8_t>(performer))) return;
+  throw InputError("--performer " + std::to_string(performer) +
+                   ": no pulse shows this performer; v3dctl performers " + take.string() +
+                   " lists them");
+}
+
 }  // namespace
 
 std::vector<std::string> doubts_about(const recon::KinematicStructure& structure) {
@@ -126,11 +134,12 @@ TakeSkeleton learn_skeleton(const fs::path& take, take::FrameRange frames, int p
     result.problems.push_back(count_of(without, "pulse") + " without a body: " + reason);
   }
   result.structure = recon::kinematic_structure(evidence, result.pulses);
+  identities.erase(0);  // the label of vertices whose performer is unknown
   if (result.structure.pulses.empty()) {
+    require_performer(take, identities, performer);
     throw InputError(take.string() + ": no pulse shows a body: " + reason);
   }
   std::ranges::copy(doubts_about(result.structure), std::back_inserter(result.problems));
-  identities.erase(0);  // the label of vertices whose performer is unknown
   add_tracked(take, identities, result);
   return result;
 }
