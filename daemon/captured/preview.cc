@@ -23,6 +23,7 @@ PreviewSender::PreviewSender(bus::Bus& bus, std::string camera, double rate_hz)
       every_(std::max<int64_t>(1, static_cast<int64_t>(std::lround(rate_hz)))) {}
 
 void PreviewSender::send(int64_t pulse, ImageView raw, const Mask* mask) {
+  if (raw.size.width < 2 || raw.size.height < 2) return;
   const Image small = preview_of(raw);
   if (small.size.width > wire::kMaxPreviewSide || small.size.height > wire::kMaxPreviewSide) return;
   wire::PreviewMessage message{.sent = Realtime::now(),

@@ -144,7 +144,7 @@ std::optional<segmentation::BackgroundModel> load_take_background(const take::Ta
 }
 
 SegmentedLog::SegmentedLog(const take::TakePaths& paths, const std::string& camera)
-    : paths_(paths), log_(paths.frames(camera)) {
+    : paths_(paths), camera_(camera), log_(paths.frames(camera)) {
   for (size_t index = 0; index < labels().size(); ++index) {
     index_of_.emplace(labels()[index].pulse, index);
   }
@@ -155,12 +155,27 @@ SegmentedLog::SegmentedLog(const take::TakePaths& paths, const std::string& came
 
 std::optional<ImageSize> SegmentedLog::frame_size() {
   if (labels().empty()) return std::nullopt;
-  const std::optional<Frame> first = log_.read(labels().front().pulse);
+  const std::optional<Frame> first = read_raw(labels().front().pulse);
   return first ? std::optional(first->sensor_size) : std::nullopt;
 }
 
-std::optional<SegmentedFrame> SegmentedLog::read(int64_t pulse) {
+std::optional<Frame> SegmentedLog::read_raw(int64_t pulse) {
   std::optional<Frame> raw = log_.read(pulse);
+  if (!raw) return std::nullopt;
+  const std::string log = paths_.frames(camera_).string();
+  if (raw->camera != camera_) {
+    throw InputError(log + ": has frames of '" + printable(raw->camera) + "'; expected those of " +
+                     camera_);
+  }
+  if (raw->image.size != raw->sensor_size) {
+    throw InputError(log + ": the frame of pulse " + std::to_string(pulse) +
+                     " is cropped; expected whole images");
+  }
+  return raw;
+}
+
+std::optional<SegmentedFrame> SegmentedLog::read(int64_t pulse) {
+  std::optional<Frame> raw = read_raw(pulse);
   if (!raw) return std::nullopt;
   std::optional<Mask> stored = std::exchange(raw->mask, std::nullopt);
   if (stored && !can_segment(*raw)) return SegmentedFrame{*std::move(raw), *std::move(stored)};
@@ -185,7 +200,7 @@ void SegmentedLog::learn_before(size_t index) {
 }
 
 void SegmentedLog::learn(int64_t pulse) {
-  const std::optional<Frame> raw = log_.read(pulse);
+  const std::optional<Frame> raw = read_raw(pulse);
   if (!raw || (raw->mask && !can_segment(*raw))) return;
   segmenter_->learn(pulse, raw->image.view(), segment(*raw));
 }

@@ -55,10 +55,11 @@ class SegmentedLog {
   /// it is; the segmentation is then the background difference, if there is a model of the frame's
   /// size and format. Fast in the order of the log; backward, every 32nd frame makes it segment the
   /// frames again from which the model learns. Throws InputError for a frame with neither mask nor
-  /// model.
+  /// model, for one of another camera, and for a cropped one.
   std::optional<SegmentedFrame> read(int64_t pulse);
 
  private:
+  std::optional<Frame> read_raw(int64_t pulse);
   /// Adapts the segmenter to the frames before `index`, as in live operation.
   void learn_before(size_t index);
   void learn(int64_t pulse);
@@ -66,6 +67,7 @@ class SegmentedLog {
   Mask segment(const Frame& raw);
 
   take::TakePaths paths_;
+  std::string camera_;
   take::FrameLogReader log_;
   std::unordered_map<int64_t, size_t> index_of_;  ///< first frame in the log, by pulse
   std::optional<segmentation::Segmenter> segmenter_;

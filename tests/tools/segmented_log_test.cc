@@ -44,18 +44,32 @@ class SegmentedLogTest : public testing::Test {
     save_background(take_.background(), kCamera, model_);
   }
 
+  static wire::FrameMessage message_of(int64_t pulse) {
+    wire::FrameMessage message;
+    message.frame.camera = kCamera;
+    message.frame.label.pulse = pulse;
+    message.frame.sensor_size = kSize;
+    message.frame.roi = {0, 0, kSize.width, kSize.height};
+    message.frame.image = picture(pulse);
+    return message;
+  }
+  /// The error of reading a log with this frame.
+  std::string error_of(const wire::FrameMessage& message) {
+    {
+      take::EventLogWriter log(take_.frames(kCamera));
+      EXPECT_TRUE(log.write(message));
+    }
+    recorded::SegmentedLog log(take_, kCamera);
+    return test::message_of<InputError>([&] { log.read(message.frame.label.pulse); });
+  }
+
   /// Writes a log as a capture daemon does that sends every third pulse live. Keeps the masks of
   /// these pulses. `stored`: mask of every frame in the log.
   void record(const std::vector<int64_t>& pulses, const std::optional<Mask>& stored = {}) {
     segmentation::Segmenter segmenter(model_, {});
     take::EventLogWriter log(take_.frames(kCamera));
     for (const int64_t pulse : pulses) {
-      wire::FrameMessage message;
-      message.frame.camera = kCamera;
-      message.frame.label.pulse = pulse;
-      message.frame.sensor_size = kSize;
-      message.frame.roi = {0, 0, kSize.width, kSize.height};
-      message.frame.image = picture(pulse);
+      wire::FrameMessage message = message_of(pulse);
       message.frame.mask = stored;
       ASSERT_TRUE(log.write(message));
       const bool learn = segmenter.learns_from(pulse);
@@ -104,6 +118,22 @@ TEST_F(SegmentedLogTest, returns_the_live_masks_for_a_part_and_for_reverse_order
   for (const int64_t pulse : {202, 205, 256, 298}) expect_as_live(from_the_middle, pulse);
   recorded::SegmentedLog backwards(take_, kCamera);
   for (const int64_t pulse : {298, 100, 34, 31, 1, 298}) expect_as_live(backwards, pulse);
+}
+
+TEST_F(SegmentedLogTest, rejects_a_frame_of_another_camera) {
+  wire::FrameMessage message = message_of(0);
+  message.frame.camera = "cam02";
+  EXPECT_EQ(error_of(message),
+            take_.frames(kCamera).string() + ": has frames of 'cam02'; expected those of cam01");
+}
+
+TEST_F(SegmentedLogTest, rejects_a_cropped_frame) {
+  wire::FrameMessage message = message_of(0);
+  message.frame.roi = {0, 0, 32, 32};
+  message.frame.image = Image({32, 32}, PixelFormat::kMono8);
+  message.frame.mask = Mask(kSize);
+  EXPECT_EQ(error_of(message), take_.frames(kCamera).string() +
+                                   ": the frame of pulse 0 is cropped; expected whole images");
 }
 
 TEST_F(SegmentedLogTest, learns_again_in_reverse_order_only_before_a_frame_for_learning) {
