@@ -25,6 +25,7 @@ namespace v3d::ctl {
 namespace {
 
 using test::turning;
+using testing::AllOf;
 using testing::HasSubstr;
 
 class LearntSkeleton : public testing::Test {
@@ -96,6 +97,23 @@ TEST_F(LearntSkeleton, uses_the_tracked_surface_of_a_labelled_take_with_one_perf
   EXPECT_EQ(test::message_of<InputError>([&] { skeleton_glb(of_two, "take"); }),
             "--export glb needs a tracked surface: motion.v3d is not used: the take has several "
             "performers");
+}
+
+TEST_F(LearntSkeleton, is_refused_before_the_graphs_where_its_surfaces_exceed_the_memory) {
+  constexpr uint64_t kLimit = 1000;
+  int pulses = 0;
+  const auto learn_with_limit = [&] {
+    return learn_skeleton(
+        folder_ / "take", {}, 1, [](int64_t) {}, [&] { ++pulses; }, kLimit);
+  };
+  const std::string motion = take::TakePaths{folder_ / "take"}.motion();
+  EXPECT_THAT(test::message_of<InputError>(learn_with_limit),
+              AllOf(HasSubstr(motion + ": its surfaces at these pulses need "),
+                    HasSubstr("more than the memory permits (")));
+  EXPECT_EQ(pulses, 0);
+  write_labelled_meshes(folder_ / "take", 2);
+  EXPECT_THAT(learn_with_limit().tracked, testing::IsEmpty()) << "several performers";
+  EXPECT_EQ(pulses, test::kGlidingPulses);
 }
 
 using LearntSkeletonDeathTest = LearntSkeleton;

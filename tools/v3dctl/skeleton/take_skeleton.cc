@@ -12,6 +12,7 @@
 #include "base/core/error.h"
 #include "base/core/statistics.h"
 #include "base/core/text.h"
+#include "base/io/process.h"
 #include "common/console.h"
 #include "daemon/recorded/mesh_frames.h"
 #include "recon/skeleton/reeb_graph.h"
@@ -60,6 +61,38 @@ void keep_performer(const fs::path& take, recon::CompactFrame& frame, int perfor
   frame.mesh.triangles = recon::triangles_of_performer(frame.mesh, frame.performers, performer);
 }
 
+/// What read_tracked_bodies() keeps at these pulses, bytes.
+uint64_t surface_bytes(const fs::path& motion, std::span<const int64_t> pulses) {
+  const TrackedSurfaces surfaces(motion);
+  uint64_t bytes = 0;
+  for (const codec::MotionSegmentInfo& segment : surfaces.segments()) {
+    const auto kept = static_cast<uint64_t>(std::ranges::count_if(
+        segment.pulses, [&](int64_t pulse) { return std::ranges::binary_search(pulses, pulse); }));
+    const size_t of_vertex = sizeof(Eigen::Vector3f) + (segment.coloured ? sizeof(Rgb8) : 0);
+    bytes += kept * segment.vertices * of_vertex;
+  }
+  return bytes;
+}
+
+/// Before the graphs, which can take an hour. Throws InputError where the tracked surfaces would
+/// need more than `max_bytes`. Those of several performers are not read (add_tracked()).
+void require_surface_memory(const fs::path& take, recorded::MeshFrames& meshes,
+                            std::span<const int64_t> pulses, uint64_t max_bytes) {
+  const fs::path motion = take::TakePaths{take}.motion();
+  if (!fs::exists(motion)) return;
+  const std::vector<uint8_t> labels = meshes.read(pulses.front()).performers;
+  std::set<uint8_t> identities(labels.begin(), labels.end());
+  identities.erase(0);
+  if (identities.size() > 1) return;
+  const uint64_t bytes = surface_bytes(motion, pulses);
+  if (bytes <= max_bytes) return;
+  throw InputError(motion.string() + ": its surfaces at these pulses need " +
+                   format_bytes(static_cast<double>(bytes)) + ", more than the memory permits (" +
+                   format_bytes(static_cast<double>(max_bytes)) +
+                   "); expected fewer --frames of v3dctl skeleton, or v3dctl track with fewer "
+                   "--frames or --triangles");
+}
+
 /// Throws InputError where labels of `identities` do not include the performer.
 void require_performer(const fs::path& take, const std::set<uint8_t>& identities, int performer) {
   if (identities.empty() || identities.contains(static_cast<uint8_t>(performer))) return;
@@ -90,14 +123,17 @@ std::vector<std::string> doubts_about(const recon::KinematicStructure& structure
   return doubts;
 }
 
+uint64_t default_max_surface_bytes() { return static_cast<uint64_t>(available_memory()) / 2; }
+
 TakeSkeleton learn_skeleton(const fs::path& take, take::FrameRange frames, int performer,
                             const std::function<void(int64_t)>& on_begin,
-                            const std::function<void()>& on_pulse) {
+                            const std::function<void()>& on_pulse, uint64_t max_surface_bytes) {
   TakeSkeleton result;
   recorded::MeshFrames meshes(take);
   result.pulses = meshes.frames(frames);
   result.is_unfinished = meshes.is_unfinished();
   result.rate_hz = take::load_take_info({take}).rate_hz;
+  require_surface_memory(take, meshes, result.pulses, max_surface_bytes);
   on_begin(std::ssize(result.pulses));
   std::vector<recon::BodyEvidence> evidence;
   std::vector<double> times_ms;

@@ -32,14 +32,19 @@ struct TakeSkeleton {
   double graph_ms = 0;         ///< median time of one graph
 };
 
+/// Half of the memory that is available.
+uint64_t default_max_surface_bytes();
+
 /// Learns the skeleton of a reconstructed take, also from its motion.v3d where that exists.
 /// `performer`: whose, where vertices have labels; otherwise 1, that of the largest component.
 /// Calls `on_begin` with the number of pulses and `on_pulse` after each. Throws InputError for a
-/// take without meshes, for another performer than 1 where vertices have no labels, and where no
-/// pulse shows a body; std::runtime_error after an interrupt.
+/// take without meshes, for another performer than 1 where vertices have no labels, where no pulse
+/// shows a body, and before `on_begin` where the tracked surfaces of the pulses would need more
+/// than `max_surface_bytes` of memory; std::runtime_error after an interrupt.
 TakeSkeleton learn_skeleton(const std::filesystem::path& take, take::FrameRange frames,
                             int performer, const std::function<void(int64_t)>& on_begin,
-                            const std::function<void()>& on_pulse);
+                            const std::function<void()>& on_pulse,
+                            uint64_t max_surface_bytes = default_max_surface_bytes());
 
 /// A line for each reason to doubt the joints: no pulse shows the ends of a body, or the body does
 /// not stand upright.
