@@ -22,7 +22,7 @@ class PreviewSender {
   /// sheet shows one instant.
   bool is_due(int64_t pulse) const { return pulse >= 0 && pulse % every_ == 0; }
   /// `raw`: the raw image. `mask`: its mask, or null. Does nothing for an image too large for a
-  /// preview message.
+  /// preview message, or with a single row or column.
   void send(int64_t pulse, ImageView raw, const Mask* mask);
 
  private:

@@ -38,6 +38,14 @@ TEST(Preview, keeps_a_single_pixel_of_the_mask) {
   EXPECT_EQ(small.count(), 1);
 }
 
+TEST(Preview, is_not_sent_of_an_image_with_a_single_row_or_column) {
+  bus::Bus bus("udpm://239.255.76.67:7667?ttl=0");
+  PreviewSender sender(bus, "cam01", 25);
+  for (const ImageSize size : {ImageSize{640, 1}, ImageSize{1, 480}}) {
+    sender.send(0, Image(size, PixelFormat::kMono8).view(), nullptr);
+  }
+}
+
 }  // namespace
 
 }  // namespace v3d::captured
