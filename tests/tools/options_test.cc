@@ -3,10 +3,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <string>
+#include <utility>
+#include <vector>
+
 #include "base/core/error.h"
 #include "base/io/file.h"
 #include "support/message_of.h"
 #include "support/temporary_folder.h"
+#include "tools/command_outcome.h"
 #include "v3dctl/reconstruct/reconstruct_options.h"
 
 namespace v3d::ctl {
@@ -34,6 +39,20 @@ TEST(FrameRange, rejects_an_invalid_range) {
   for (const char* text :
        {":", "7:3", "3:3", "a:b", "-1:4", "1:2:3", "1.5", " 1", "1 :2", "99999999999999999999"}) {
     EXPECT_THROW(parse_frame_range(text), InputError) << text;
+  }
+}
+
+TEST(ViewSource, is_rejected_without_view_dependent_colours_which_alone_use_it) {
+  const std::vector<std::string> render{"render", "/not/there", "/tmp/a.png", "--turntable", "8"};
+  const std::vector<std::string> evaluate{"evaluate", "/not/there", "--held-out", "a"};
+  for (const auto& [add, command] : {std::pair(&add_render, render), {&add_evaluate, evaluate}}) {
+    std::vector<std::string> words = command;
+    words.insert(words.end(), {"--view-source", "mesh"});
+    const test::CommandOutcome outcome = test::run_command(add, words);
+    EXPECT_EQ(outcome.status, kExitBadInput);
+    EXPECT_THAT(outcome.error, testing::HasSubstr("--view-source requires --view-dependent"));
+    words.emplace_back("--view-dependent");
+    EXPECT_THAT(test::run_command(add, words).error, testing::HasSubstr("/not/there"));
   }
 }
 

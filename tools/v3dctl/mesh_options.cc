@@ -12,14 +12,16 @@ recorded::MeshFrames open_meshes(const std::filesystem::path& take, bool proxy) 
   return proxy ? recorded::MeshFrames::of_proxy(take) : recorded::MeshFrames(take);
 }
 
-void add_view_source_option(cli::Command command, std::string& value) {
+void add_view_source_option(cli::Command command, cli::Option view_dependent, std::string& value) {
   command
       .add_option("--view-source", value,
-                  "Source of view-dependent colours: the raw frames, the colours of cameras in the "
-                  "meshes (camera-colours), or the raw frames where the take has them")
+                  "With --view-dependent: source of the colours: the raw frames, the colours of "
+                  "cameras in the meshes (camera-colours), or the raw frames where the take has "
+                  "them")
       .type_name("automatic|photographs|mesh")
       .check(cli::one_of({"automatic", "photographs", "mesh"}))
-      .show_default();
+      .show_default()
+      .needs(view_dependent);
 }
 
 recorded::ViewSource resolved_view_source(const std::string& value,

@@ -14,8 +14,9 @@ cli::Option add_proxy_flag(cli::Command command, bool& value);
 /// The meshes of a take; `proxy`: the value of --proxy. Throws as MeshFrames.
 recorded::MeshFrames open_meshes(const std::filesystem::path& take, bool proxy);
 
-/// Adds --view-source; resolved_view_source() understands its value.
-void add_view_source_option(cli::Command command, std::string& value);
+/// Adds --view-source, which needs the option --view-dependent; resolved_view_source() understands
+/// its value.
+void add_view_source_option(cli::Command command, cli::Option view_dependent, std::string& value);
 recorded::ViewSource resolved_view_source(const std::string& value,
                                           const std::filesystem::path& take);
 

@@ -340,9 +340,10 @@ void add_evaluate(CommandLine& line) {
           "Held-out cameras (reconstruct --leave-out): the mesh is rendered in their view and "
           "compared with their images")
       .type_name("CAM,...");
-  command.add_flag("--view-dependent", arguments->view_dependent,
-                   "Render with the colours for the viewpoint of the held-out camera");
-  add_view_source_option(command, arguments->view_source);
+  const cli::Option view_dependent =
+      command.add_flag("--view-dependent", arguments->view_dependent,
+                       "Render with the colours for the viewpoint of the held-out camera");
+  add_view_source_option(command, view_dependent, arguments->view_source);
   command
       .add_option("--atlas", arguments->atlas_side,
                   "With --held-out: compare also with a texture atlas of this size, from the raw "

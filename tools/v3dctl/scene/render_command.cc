@@ -269,11 +269,11 @@ void add_render(CommandLine& line) {
       .type_name("K")
       .check(cli::integer_in(1, 64))
       .excludes(scene);
-  command.add_flag(
+  const cli::Option view_dependent = command.add_flag(
       "--view-dependent", arguments->view_dependent,
       "View-dependent colours: images of cameras with a similar direction have the most "
       "weight");
-  add_view_source_option(command, arguments->view_source);
+  add_view_source_option(command, view_dependent, arguments->view_source);
   add_proxy_flag(command, arguments->proxy).excludes(scene);
   line.on_run(command, [arguments] { return run(*arguments); });
 }
