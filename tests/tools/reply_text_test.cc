@@ -252,6 +252,51 @@ TEST(TakeAccounts, of_one_readable_ledger_count_the_other_cameras_as_missing) {
                           "take kendo: incomplete, 2 cameras x 10 pulses, 10 missing, 0 suspect"));
 }
 
+/// cam01 and cam07 on cap01, cam02 on cap02.
+Studio studio_of_two_capture_nodes() {
+  Studio studio;
+  studio.nodes = {{"cap01"}, {"cap02"}, {"recon01"}};
+  studio.cameras.resize(3);
+  studio.cameras[0].name = "cam01";
+  studio.cameras[1].name = "cam02";
+  studio.cameras[2].name = "cam07";
+  studio.cameras[0].node = studio.cameras[2].node = "cap01";
+  studio.cameras[1].node = "cap02";
+  return studio;
+}
+
+/// As `v3dctl stop` merges an answer without the ledgers of all nodes.
+TakeAccount account_of_partial(const control::Answer& answer) {
+  return merge_ledgers(
+      answer, cameras_without_ledger(studio_of_two_capture_nodes(), merge_ledgers(answer)));
+}
+
+TEST(TakeAccounts, are_complete_without_an_allowed_camera_when_a_node_without_cameras_is_silent) {
+  control::Answer answer;
+  answer.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
+  answer.replies["cap02"] = reply(Outcome::kDone, "", detail("cam02", 0));
+  answer.silent = {"recon01"};
+  EXPECT_THAT(account_lines(account_of_partial(answer)),
+              ElementsAre("take kendo: complete, 2 cameras x 10 pulses, 0 missing, 0 suspect"));
+}
+
+TEST(TakeAccounts, count_the_cameras_of_each_node_without_a_ledger_as_missing) {
+  control::Answer silent;
+  silent.replies["cap01"] = reply(Outcome::kDone, "", detail("cam01", 0));
+  silent.silent = {"cap02"};
+  control::Answer refused = silent;
+  refused.silent.clear();
+  refused.replies["cap02"] = reply(Outcome::kRefused, "not armed");
+  control::Answer unreadable = refused;
+  unreadable.replies["cap02"] = reply(Outcome::kDone, "", "{");
+  for (const control::Answer& answer : {silent, refused, unreadable}) {
+    EXPECT_THAT(account_lines(account_of_partial(answer)),
+                ElementsAre("cam02: missing pulses 0-9",
+                            "take kendo: incomplete, 2 cameras x 10 pulses, 10 missing, 0 suspect"))
+        << "cam07 was left out when the take was armed";
+  }
+}
+
 TEST(TakeAccounts, do_not_unpack_more_numbers_than_a_reply_may_name) {
   std::string text = detail("cam01", 1);
   text.replace(text.find("[4]"), 3, "\"0:9000000000\"");

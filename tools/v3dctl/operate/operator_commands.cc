@@ -101,12 +101,6 @@ int report_refusal(const control::OperatorClient& client, const control::Answer&
   return kExitFailed;
 }
 
-std::vector<std::string> cameras_of(const Studio& studio) {
-  std::vector<std::string> names;
-  for (const StudioCamera& camera : studio.cameras) names.push_back(camera.name);
-  return names;
-}
-
 // The running take according to the nodes' health; "" when there is none.
 std::string current_take(const std::map<std::string, wire::HealthMessage>& health) {
   for (const auto& [node, message] : health) {
@@ -216,7 +210,7 @@ int run_stop(const CommandLine& line, const Options& options) {
   TakeAccount account = merge_ledgers(answer);
   // The cameras of a node without a reply, or without a ledger that can be read, miss every pulse.
   if (account.is_recorded() && !is_of_all_nodes(account, answer)) {
-    account = merge_ledgers(answer, cameras_of(studio));
+    account = merge_ledgers(answer, cameras_without_ledger(studio, account));
   }
   if (answer.done() || account.is_recorded()) report.add(account_lines(account));
   for (const std::string& node : account.unreadable) {

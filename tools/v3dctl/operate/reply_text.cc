@@ -230,6 +230,7 @@ std::vector<take::Ledger> select_take(
   for (const auto& [node, ledger] : ledgers) {
     if (ledger.take == most_common->first) {
       parts.push_back(ledger);
+      account.merged.push_back(node);
     } else {
       account.of_another_take.push_back(node);
     }
@@ -302,6 +303,16 @@ TakeAccount merge_ledgers(const control::Answer& answer, const std::vector<std::
   account.ledger = merge(parts);
   account.live_lost = live_losses(account.ledger, reconstruction);
   return account;
+}
+
+std::vector<std::string> cameras_without_ledger(const Studio& studio, const TakeAccount& account) {
+  const auto& merged = account.merged;
+  std::vector<std::string> names;
+  for (const StudioCamera& camera : studio.cameras) {
+    if (std::find(merged.begin(), merged.end(), camera.node) == merged.end())
+      names.push_back(camera.name);
+  }
+  return names;
 }
 
 bool is_of_all_nodes(const TakeAccount& account, const control::Answer& answer) {

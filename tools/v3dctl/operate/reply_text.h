@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "base/config/studio_file.h"
 #include "daemon/control/operator_client.h"
 #include "take/ledger/ledger.h"
 
@@ -35,6 +36,7 @@ struct ShardAccount {
 struct TakeAccount {
   take::Ledger ledger;
   bool is_counted = false;  ///< a ledger could be read; otherwise `ledger` has at most a name
+  std::vector<std::string> merged;      ///< nodes whose ledgers are merged
   std::vector<std::string> unreadable;  ///< nodes whose reply has no ledger that can be read
   /// Nodes whose ledger belongs to another take than that of the majority; they are not merged.
   std::vector<std::string> of_another_take;
@@ -56,6 +58,10 @@ struct TakeAccount {
 /// ended early miss the later pulses, and cameras in `expected` without a ledger miss all.
 TakeAccount merge_ledgers(const control::Answer& answer,
                           const std::vector<std::string>& expected = {});
+
+/// The cameras of nodes whose ledger is not merged. A camera that the ledger of its node lacks was
+/// left out when the take was armed (`v3dctl arm --allow-missing`).
+std::vector<std::string> cameras_without_ledger(const Studio& studio, const TakeAccount& account);
 
 /// True when all nodes have replied, and each ledger belongs to the take and could be read.
 bool is_of_all_nodes(const TakeAccount& account, const control::Answer& answer);
