@@ -19,6 +19,11 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+/// The name of the folder of a take: that in take.toml is another one in a copy with a new name.
+std::string folder_name(const take::TakeListing& take) {
+  return printable(take.paths.folder.filename().string());
+}
+
 int run_list(const CommandLine& line, const TakesArguments& arguments) {
   bool is_whole = true;
   const auto report_skipped = [&](const InputError& error) {
@@ -128,9 +133,9 @@ int run_sign(const CommandLine& line, const SignArguments& arguments) {
   std::vector<std::string> signed_takes;
   for (const take::TakeListing& take : takes) {
     io::throw_if_failed(sign_whole_take(take.paths, signer, take::SigningOccasion::kCommand));
-    signed_takes.push_back(take.info.name);
+    signed_takes.push_back(folder_name(take));
     if (arguments.takes->json) continue;
-    std::printf("signed %s as %s\n", take.info.name.c_str(), arguments.node.c_str());
+    std::printf("signed %s as %s\n", signed_takes.back().c_str(), arguments.node.c_str());
   }
   if (arguments.takes->json) {
     std::printf("%s\n", Json{{"node", arguments.node}, {"signed", signed_takes}}.dump(2).c_str());
@@ -254,8 +259,8 @@ int run_delete(const CommandLine& line, const DeleteArguments& arguments) {
   std::vector<std::string> deleted;
   for (const take::TakeListing& take : takes) {
     deletion.remove(take.paths);
-    deleted.push_back(take.info.name);
-    if (!json) std::printf("deleted %s\n", take.info.name.c_str());
+    deleted.push_back(folder_name(take));
+    if (!json) std::printf("deleted %s\n", deleted.back().c_str());
   }
   finish_deletions(folder, deleted, json);
   return kExitDone;
