@@ -336,8 +336,8 @@ TEST_F(TrackTwoPulses, are_compared_incompletely_where_one_has_no_true_surface) 
   const test::CommandOutcome outcome = test::run_command(add_track, words);
   testing::internal::GetCapturedStdout();
   EXPECT_EQ(outcome.status, kExitIncomplete);
-  EXPECT_THAT(outcome.error,
-              HasSubstr("v3dctl: no truth in " + truth.string() + " for 1 frame of motion.v3d"));
+  EXPECT_THAT(outcome.error, HasSubstr("v3dctl: no truth in " + truth.string() +
+                                       " for 1 frame of the tracked surface"));
 }
 
 TEST_F(TrackTwoPulses, have_surfaces_for_the_choice_of_key_pulses_without_their_images) {

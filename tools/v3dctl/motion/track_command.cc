@@ -313,7 +313,7 @@ int run(const Arguments& arguments) {
     if (truth) print_comparison(*truth);
   }
   const int status = report_gaps(report, request);
-  if (truth && !has_all_truth(truth->surface, arguments.truth, request.out.filename().string())) {
+  if (truth && !has_all_truth(truth->surface, arguments.truth, "the tracked surface")) {
     return kExitIncomplete;
   }
   return status;
