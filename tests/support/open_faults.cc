@@ -23,39 +23,39 @@ int fault(const char* path, int flags) {
   return is_new && std::string_view(path).starts_with(full_folder) ? ENOSPC : 0;
 }
 
+/// openat() of the C library, unless it fails. `arguments`: those after `flags`.
+int open_at(int folder, const char* path, int flags, va_list arguments) {
+  static auto* const next =
+      reinterpret_cast<int (*)(int, const char*, int, ...)>(dlsym(RTLD_NEXT, "openat"));
+  if (const int error = fault(path, flags); error != 0) {
+    errno = error;
+    return -1;
+  }
+  const mode_t mode = (flags & O_CREAT) != 0 ? va_arg(arguments, mode_t) : 0;
+  return next(folder, path, flags, mode);
+}
+
 }  // namespace
 
 NoDescriptorsLeft::NoDescriptorsLeft() : FlagScope(has_no_descriptors) {}
 FullDisk::FullDisk(const std::filesystem::path& folder)
     : FlagScope((full_folder = folder / "", is_full)) {}
 
-}  // namespace v3d::test
-
 extern "C" int open(const char* path, int flags, ...) {
-  static auto* const next =
-      reinterpret_cast<int (*)(const char*, int, ...)>(dlsym(RTLD_NEXT, "open"));
-  if (const int error = v3d::test::fault(path, flags); error != 0) {
-    errno = error;
-    return -1;
-  }
   va_list arguments;
   va_start(arguments, flags);
-  const mode_t mode = (flags & O_CREAT) != 0 ? va_arg(arguments, mode_t) : 0;
+  const int file = open_at(AT_FDCWD, path, flags, arguments);
   va_end(arguments);
-  return next(path, flags, mode);
+  return file;
 }
 
 // With it, std::filesystem opens the folder that it lists.
 extern "C" int openat(int folder, const char* path, int flags, ...) {
-  static auto* const next =
-      reinterpret_cast<int (*)(int, const char*, int, ...)>(dlsym(RTLD_NEXT, "openat"));
-  if (const int error = v3d::test::fault(path, flags); error != 0) {
-    errno = error;
-    return -1;
-  }
   va_list arguments;
   va_start(arguments, flags);
-  const mode_t mode = (flags & O_CREAT) != 0 ? va_arg(arguments, mode_t) : 0;
+  const int file = open_at(folder, path, flags, arguments);
   va_end(arguments);
-  return next(folder, path, flags, mode);
+  return file;
 }
+
+}  // namespace v3d::test

@@ -151,8 +151,8 @@ void print_text(const Rig& rig, const calib::ColourFit& fit) {
       continue;
     }
     if (d.places == 0) {
-      std::printf("%-*s  shares no place with another camera\n", static_cast<int>(widest),
-                  name.c_str());
+      std::printf("%-*s  corrected, but not measured: it has no held-out place\n",
+                  static_cast<int>(widest), name.c_str());
       continue;
     }
     std::printf("%-*s  Delta E %5.2f before, %5.2f after, %s\n", static_cast<int>(widest),
