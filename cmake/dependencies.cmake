@@ -3,6 +3,13 @@
 find_package(Threads REQUIRED)
 find_package(PkgConfig REQUIRED)
 find_package(Eigen3 3.4 REQUIRED NO_MODULE)
+if(CMAKE_SYSTEM_PROCESSOR STREQUAL "aarch64")
+  foreach(header Cholesky Core Dense Eigenvalues Geometry LU QR SVD Sparse)
+    file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/eigen/Eigen/${header} CONTENT
+      "#include_next <Eigen/@header@>\n#include \"${CMAKE_SOURCE_DIR}/cmake/eigen_arm64.inc\"\n" @ONLY)
+  endforeach()
+  include_directories(BEFORE ${CMAKE_BINARY_DIR}/eigen)
+endif()
 find_package(tomlplusplus REQUIRED)
 find_package(spdlog REQUIRED)
 find_package(tl-expected REQUIRED)
@@ -58,7 +65,7 @@ if(NOT V3D_PROGRAMS_ONLY)
   pkg_check_modules(FFMPEG REQUIRED IMPORTED_TARGET libavformat>=59 libavcodec libavutil libswscale)
 endif()
 
-if(V3D_INSTALLS_LIBRARIES)
+if(V3D_INSTALLS_PYTHON)
   # The module v3d is for Debian's Python, which need not be the first one of the path.
   set(Python_EXECUTABLE /usr/bin/python3 CACHE FILEPATH "Python of the module v3d")
   find_package(Python 3.11 REQUIRED COMPONENTS Interpreter Development.Module)
