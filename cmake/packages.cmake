@@ -13,11 +13,23 @@ set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_COMPONENTS_GROUPING IGNORE)
 set(CPACK_COMPONENTS_ALL common capture recon viewer tools import)
 if(V3D_INSTALLS_LIBRARIES)
-  list(APPEND CPACK_COMPONENTS_ALL lights lib lib-dev decoder decoder-dev python blender)
+  list(APPEND CPACK_COMPONENTS_ALL lights lib lib-dev decoder decoder-dev blender)
+endif()
+if(V3D_INSTALLS_PYTHON)
+  list(APPEND CPACK_COMPONENTS_ALL python)
 endif()
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_SECTION video)
+if(CMAKE_CROSSCOMPILING)
+  set(CPACK_DEBIAN_PACKAGE_ARCHITECTURE arm64)
+  # Where dpkg-shlibdeps finds the libraries, and the packages that they belong to (tools/arm64-sysroot).
+  set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS_PRIVATE_DIRS
+    ${V3D_SYSROOT}/usr/lib/aarch64-linux-gnu ${V3D_SYSROOT}/lib/aarch64-linux-gnu)
+  set(CPACK_PROJECT_CONFIG_FILE ${CMAKE_BINARY_DIR}/cpack_environment.cmake)
+  file(WRITE ${CPACK_PROJECT_CONFIG_FILE}
+    "set(ENV{DPKG_ADMINDIR} ${V3D_SYSROOT}/var/lib/dpkg)\nset(ENV{DEB_HOST_ARCH} arm64)\n")
+endif()
 # Permissions of folders by Debian's policy: 0755.
 set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS
   OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
@@ -65,7 +77,7 @@ v3d_package(lib-dev "V3D: headers of the library for reconstruction" NAME libv3d
 v3d_package(decoder "V3D: decoder of compact frames and motion files, in C" NAME libv3d-decoder2)
 v3d_package(decoder-dev "V3D: header of the decoder of compact frames" NAME libv3d-decoder-dev
   DEPENDS "libv3d-decoder2 (= ${PROJECT_VERSION})")
-if(V3D_INSTALLS_LIBRARIES)
+if(V3D_INSTALLS_PYTHON)
   math(EXPR python_next_minor "${Python_VERSION_MINOR} + 1")
 endif()
 v3d_package(python "V3D: takes in Python" NAME python3-v3d
@@ -74,6 +86,26 @@ v3d_package(python "V3D: takes in Python" NAME python3-v3d
 v3d_package(blender "V3D: import of takes into Blender" NAME v3d-blender
   DEPENDS "libv3d-decoder2 (= ${PROJECT_VERSION})" blender python3-numpy)
 set(CPACK_DEBIAN_BLENDER_PACKAGE_ARCHITECTURE all)
+
+# The target v3d_packaged builds what the packages hold.
+set(packaged v3d-captured v3d-recond v3d-viewd v3dctl v3d-sim v3d_viewer_page v3d_player)
+if(NOT V3D_PROGRAMS_ONLY)
+  list(APPEND packaged v3dctl-plan v3dctl-calibrate v3dctl-import v3d_jar)
+endif()
+if(V3D_INSTALLS_LIBRARIES)
+  list(APPEND packaged v3d-lights v3d v3ddecoder)
+endif()
+if(V3D_INSTALLS_PYTHON)
+  list(APPEND packaged v3d_python)
+endif()
+if(NOT V3D_SANITIZE)  # those have no page
+  add_custom_target(v3d_packaged)
+  foreach(target ${packaged})
+    if(TARGET ${target})  # without Java there is no v3d_jar
+      add_dependencies(v3d_packaged ${target})
+    endif()
+  endforeach()
+endif()
 foreach(component ${CPACK_COMPONENTS_ALL})
   string(TOUPPER ${component} key)
   install(FILES ${CMAKE_SOURCE_DIR}/LICENSE RENAME copyright
