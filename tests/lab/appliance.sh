@@ -1,5 +1,5 @@
 # Functions of run-appliance and of the stories of the appliance; they run on the host.
-# Sourced with $build, $root and $here. The host and the PC share a network of their own, which reaches nothing else.
+# Sourced with $build, $root, $here and $arch. The host and the PC share a network of their own, which reaches nothing else.
 
 # --- the PC
 
@@ -8,11 +8,17 @@ pc_address=10.77.0.2
 # switch_on NAME OPTION...: starts the PC and sets $pc to its process ID. Its console goes to NAME.txt.
 # Without erms the kernel clears a page by 512 writes instead of 4096. QEMU needs up to 20 s for so many writes to a page whose
 # instructions it has translated, and the kernel reports a stall.
+# A PC of arm64 has UEFI: $firmware is empty, or .ms for Secure Boot with the keys of Microsoft.
+firmware=
 switch_on() {
-  local name=$1
+  local name=$1 machine=(qemu-system-x86_64 -machine q35 -cpu "max,avx2=off,erms=off,fsrm=off") aavmf=/usr/share/AAVMF/AAVMF
   shift
-  qemu-system-x86_64 -machine q35 -cpu max,avx2=off,erms=off,fsrm=off -accel tcg,thread=multi -smp 2 -m 1536 -nodefaults -no-user-config \
-    -display none -serial "file:$name.txt" -drive file=disk,format=raw,if=none,id=disk -device virtio-blk-pci,drive=disk \
+  if [ "$arch" = arm64 ]; then
+    cp "${aavmf}_VARS$firmware.fd" vars
+    machine=(qemu-system-aarch64 -machine virt -cpu cortex-a72
+      -drive "if=pflash,format=raw,readonly=on,file=${aavmf}_CODE$firmware.fd" -drive if=pflash,format=raw,file=vars)
+  fi
+  "${machine[@]}" -accel tcg,thread=multi -smp 2 -m 1536 -nodefaults -no-user-config -display none -serial "file:$name.txt" -drive file=disk,format=raw,if=none,id=disk -device virtio-blk-pci,drive=disk \
     -netdev tap,id=net,ifname=lab0,script=no,downscript=no -device virtio-net-pci,netdev=net "$@" &
   pc=$!
 }
