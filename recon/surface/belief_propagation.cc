@@ -52,8 +52,8 @@ using Bytes = hn::CappedTag<uint8_t, kLabels / 2>;
 constexpr int kInBytes = static_cast<int>(hn::MaxLanes(Bytes()));
 constexpr int kRegisters = kLabels / kInBytes;
 struct Labels {
-  // With NEON a register has a constructor. Only a constructor that is written here can inline it: GCC compiles a generated one
-  // without the instruction set of this namespace.
+  // With NEON a register has a constructor. Only a constructor that is written here can inline it:
+  // GCC compiles a generated one without the instruction set of this namespace.
   HWY_INLINE Labels() {}  // NOLINT(modernize-use-equals-default)
   hn::Vec<Bytes> of[kRegisters];
 };
